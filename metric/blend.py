@@ -11,26 +11,23 @@ compared with the other half at pixels that had no say in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
 from plateau.metric.denoise import smoothed
-from plateau.metric.display import Image, Plane, as_image, finite_pixels
+from plateau.metric.display import Image, Plane, as_image
+from plateau.metric.halved import Change, Halved, Screen, energy, halved
 from plateau.metric.noise_model import Half, NoiseModel
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
     from plateau.metric.display import Mask, View
 
-#: A denoiser: it takes a finite (H, W, 3) float32 image of linear radiance and returns another, the
-#: same one each time.
-Denoise: TypeAlias = Callable[[Image], Image]
+#: A denoiser.
+Denoise: TypeAlias = Change
 
 # Squared errors are pooled around each pixel by the pyramid's kernel, its taps so far apart.
 _GAPS: Final = (1, 2)  #: for the weight: together σ = 2.1 pixels
@@ -57,13 +54,16 @@ class Blend:
     denoised: Image = field(repr=False)
     #: The share of the denoised image in each pixel, (H, W) float32 in [0, 1].
     weight: Plane = field(repr=False)
+    #: The blend as it is seen, (H, W, 3) float32: the image itself, where nobody says otherwise.
+    seen: Image = field(repr=False)
 
-    def with_flaws(self, image: Image, flawed: Mask) -> Blend:
+    def with_flaws(self, image: Image, flawed: Mask, see: Change) -> Blend:
         """Return the blend with these pixels of the image, which no denoiser mends."""
         if not flawed.any():
             return self
         mixed = np.where(flawed[..., np.newaxis], as_image(image), self.image)
-        return Blend(mixed, self.denoised, np.where(flawed, np.float32(0), self.weight))
+        weight = np.where(flawed, np.float32(0), self.weight)
+        return Blend(mixed, self.denoised, weight, see(mixed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,7 @@ def blended(
     denoise: Denoise,
     view: View,
     *,
+    see: Change = np.asarray,
     is_draft: bool = False,
 ) -> tuple[Blend, BlendError]:
     """Return the blend of an image with its denoised self, and its error.
@@ -96,6 +97,9 @@ def blended(
         The denoiser; it is asked three times.
     view
         The display on which errors count: light above its white does not.
+    see
+        Returns the light that the display makes of an image, where errors count: a scene's view
+        transform, for one that has such. The denoiser and the blend have the image as rendered.
     is_draft
         Whether the mean of the denoised halves takes the place of the denoised image. The denoiser
         is then asked twice; more of the image is wrong, and the error is about the same.
@@ -146,7 +150,7 @@ def blended(
     >>> bool(found.weight.mean() > 0.9)
     True
     """
-    noisy, flawed = _halved(image, halves)
+    noisy, flawed = halved(image, halves, Screen(view, see))
     one, other = denoise(noisy.one), denoise(noisy.other)
     if is_draft:
         share = np.float32(noisy.share)
@@ -154,12 +158,18 @@ def blended(
     else:
         whole = denoise(noisy.image)
     clean = replace(noisy, image=whole, one=one, other=other)
-    blend = _blend(noisy, clean, view)
-    return blend.with_flaws(image, flawed), _error(blend, noisy, clean, view, flawed)
+    blend = _blend(noisy, clean)
+    return blend.with_flaws(image, flawed, see), _error(blend, noisy, clean, flawed)
 
 
 def blend_error(
-    blend: Blend, image: Image, halves: tuple[Half, Half], denoise: Denoise, view: View
+    blend: Blend,
+    image: Image,
+    halves: tuple[Half, Half],
+    denoise: Denoise,
+    view: View,
+    *,
+    see: Change = np.asarray,
 ) -> BlendError:
     """Return the error of a blend by other halves of its samples than those that made it.
 
@@ -167,7 +177,7 @@ def blend_error(
     ----------
     blend
         As `blended` returned it, of this image.
-    image, halves, denoise, view
+    image, halves, denoise, view, see
         As for `blended`; the denoiser is asked twice.
 
     Raises
@@ -192,66 +202,33 @@ def blend_error(
     >>> bool(np.array_equal(found.likely.clean, error.likely.clean))
     True
     """
-    noisy, flawed = _halved(image, halves)
+    noisy, flawed = halved(image, halves, Screen(view, see))
     clean = replace(noisy, one=denoise(noisy.one), other=denoise(noisy.other))
     if flawed.any():
         whole = np.where(flawed[..., np.newaxis], np.float32(0), blend.image)
         blend = replace(blend, image=whole)
-    return _error(blend, noisy, clean, view, flawed)
+    return _error(blend, noisy, clean, flawed)
 
 
-@dataclass(frozen=True, eq=False)
-class _Halved:
-    """A finite image and its halves, (H, W, 3) each."""
-
-    image: Image
-    one: Image
-    other: Image
-    share: float  #: of the samples in the first half
-
-    def each(self, change: Denoise) -> _Halved:
-        """Return the three images, changed."""
-        return replace(
-            self, image=change(self.image), one=change(self.one), other=change(self.other)
-        )
-
-    def as_shown(self, view: View) -> _Halved:
-        """Return them as on a screen, where light above white is white."""
-        return self.each(lambda image: np.clip(image, 0, np.float32(view.brightest)))
-
-    @property
-    def both(self) -> float:
-        """The variance of the image, of the sum of its halves' variances."""
-        return self.share * (1 - self.share)
+def _blend(noisy: Halved, clean: Halved) -> Blend:
+    apart = _pooled(noisy.apart, _GAPS)
+    crossed = _pooled(noisy.crossed(clean), _GAPS)
+    weight = _weight(apart * np.float32(noisy.both), (crossed - apart) * _HALF)
+    mixed = _mixed(noisy.image, clean.image, weight)
+    return Blend(mixed, clean.image, weight, noisy.screen.see(mixed))
 
 
-def _halved(image: Image, halves: tuple[Half, Half]) -> tuple[_Halved, Mask]:
-    """Return the image and its halves without flaws, and where these were."""
-    one, other = halves
-    flawed, (shown, *means) = _without_flaws(image, one.mean, other.mean)
-    return _Halved(shown, means[0], means[1], one.spp / (one.spp + other.spp)), flawed
-
-
-def _blend(noisy: _Halved, clean: _Halved, view: View) -> Blend:
-    seen, smooth = noisy.as_shown(view), clean.as_shown(view)
-    apart = _pooled(_energy(seen.one - seen.other), _GAPS)
-    crossed = _energy(smooth.one - seen.other) + _energy(smooth.other - seen.one)
-    weight = _weight(apart * np.float32(noisy.both), (_pooled(crossed, _GAPS) - apart) * _HALF)
-    return Blend(_mixed(noisy.image, clean.image, weight), clean.image, weight)
-
-
-def _half_blends(noisy: _Halved, clean: _Halved, view: View) -> tuple[Image, Image]:
+def _half_blends(noisy: Halved, clean: Halved) -> tuple[Image, Image]:
     """Return each half's blend, which at no pixel has noise of the other half there."""
-    seen, smooth = noisy.as_shown(view), clean.as_shown(view)
-    apart = _around(_energy(seen.one - seen.other))
+    apart = _around(noisy.apart)
 
     def half(noisy: Image, clean: Image, shown: Image, other: Image, share: float) -> Image:
-        risk = _around(_energy(shown - other)) - np.float32(share) * apart
+        risk = _around(energy(shown - other)) - np.float32(share) * apart
         return _mixed(noisy, clean, _weight(np.float32(1 - share) * apart, risk))
 
     return (
-        half(noisy.one, clean.one, smooth.one, seen.other, noisy.share),
-        half(noisy.other, clean.other, smooth.other, seen.one, 1 - noisy.share),
+        half(noisy.one, clean.one, clean.shown[0], noisy.shown[1], noisy.share),
+        half(noisy.other, clean.other, clean.shown[1], noisy.shown[0], 1 - noisy.share),
     )
 
 
@@ -266,15 +243,13 @@ def _mixed(noisy: Image, clean: Image, weight: Plane) -> Image:
     return mixed
 
 
-def _error(blend: Blend, noisy: _Halved, clean: _Halved, view: View, flawed: Mask) -> BlendError:
-    half_blends = _half_blends(noisy, clean, view)
-    whole = _Halved(blend.image, *half_blends, noisy.share).as_shown(view)
-    seen = noisy.as_shown(view)
-    noise = (whole.one - whole.other) * np.float32(math.sqrt(noisy.both))
-    own = _energy(noise)  # of the whole blend's variance
+def _error(blend: Blend, noisy: Halved, clean: Halved, flawed: Mask) -> BlendError:
+    one, other = _half_blends(noisy, clean)
+    halves = replace(noisy, image=blend.image, one=one, other=other)
+    noise = (halves.shown[0] - halves.shown[1]) * np.float32(math.sqrt(noisy.both))
+    own = energy(noise)  # of the whole blend's variance
     # The mean squared error of a half's blend, less the variance that the whole lacks.
-    crossed = _energy(whole.one - seen.other) + _energy(whole.other - seen.one)
-    errors = (crossed - _energy(seen.one - seen.other)) * _HALF
+    errors = (noisy.crossed(halves) - noisy.apart) * _HALF
     errors -= own * np.float32(0.5 / noisy.both - 1)
     near, near_doubt = _measured(errors, _NEAR)
     wide, wide_doubt = _measured(errors, _WIDE)
@@ -283,10 +258,12 @@ def _error(blend: Blend, noisy: _Halved, clean: _Halved, view: View, flawed: Mas
     likely = wide + gain * (near - wide)
     own = _pooled(own, _NEAR)
 
+    image = noisy.screen.shown(blend.image)
+
     def model(error: Plane) -> NoiseModel:
         # There is variance at the least.
         gain = np.sqrt(np.maximum(error, own) / np.maximum(own, _LEAST))
-        return NoiseModel(whole.image, gain[..., np.newaxis] * noise, flawed)
+        return NoiseModel(image, gain[..., np.newaxis] * noise, flawed)
 
     return BlendError(model(likely), model(likely + np.float32(_DOUBT) * wide_doubt))
 
@@ -298,22 +275,6 @@ def _measured(errors: Plane, gaps: tuple[int, ...]) -> tuple[Plane, Plane]:
     pixels = 4 * math.pi * _VARIANCE * sum(gap**2 for gap in gaps)
     doubt: Plane = np.sqrt(spread / np.float32(pixels))
     return mean, doubt
-
-
-def _without_flaws(*images: NDArray[Any]) -> tuple[Mask, list[Image]]:
-    """Return where an image is NaN or infinite, and the images with 0 there."""
-    found = [as_image(image) for image in images]
-    if len({image.shape for image in found}) > 1:
-        raise ValueError("the image and its parts differ in size")
-    flawed = ~np.logical_and.reduce([finite_pixels(image) for image in found])
-    if flawed.any():
-        found = [np.where(flawed[..., np.newaxis], np.float32(0), image) for image in found]
-    return flawed, found
-
-
-def _energy(image: Image) -> Plane:
-    energy: Plane = np.square(image).sum(axis=-1)
-    return energy
 
 
 def _pooled(plane: Plane, gaps: Iterable[int]) -> Plane:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from plateau.farm.images.look import Look
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 
@@ -34,6 +35,7 @@ class DenoisingTask:
     view: View
     others: tuple[Half, Half] | None = None  #: two other halves, by which zones are chosen
     is_draft: bool = False  #: whether the halves alone are to be denoised
+    look: Look | None = None  #: through which the image is seen
 
     @classmethod
     def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool, is_draft: bool) -> DenoisingTask:
@@ -41,15 +43,16 @@ class DenoisingTask:
 
         `is_point` says whether it is a point of the curve, by zones the end of a round.
         """
-        halves = merge.halves()
+        halves = merge.halves(as_seen=False)
         assert halves is not None
         return cls(
-            merge.image(),
+            merge.image(as_seen=False),
             _as_halves(halves),
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
-            _as_halves(merge.other_halves()) if spec.by_zones and is_point else None,
+            _as_halves(merge.other_halves(as_seen=False)) if spec.by_zones and is_point else None,
             is_draft,
+            merge.look,
         )
 
     def arrays(self) -> Arrays:
@@ -62,7 +65,17 @@ class DenoisingTask:
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
             "is_draft": np.array(self.is_draft),
+            "look": np.array("" if self.look is None else self.look.as_text()),
         }
+
+    def seen(self, image: Pixels) -> Pixels:
+        """Return the light that an image makes of the display."""
+        return image if self.look is None else self.look.seen(image, self.view.exposure_ev)
+
+    @property
+    def gain(self) -> float:
+        """By what the image is brighter on the display than its radiance, its exposure aside."""
+        return 1.0 if self.look is None else self.look.gain
 
     @classmethod
     def restored(cls, arrays: Arrays) -> DenoisingTask:
@@ -75,6 +88,7 @@ class DenoisingTask:
             View(**json.loads(str(arrays["view"]))),
             (others[0], others[1]) if others else None,
             bool(arrays["is_draft"]),
+            Look.from_text(look) if (look := str(arrays["look"])) else None,
         )
 
 
@@ -94,6 +108,7 @@ class Denoised:
         models = [model for error in errors for model in (error.likely, error.greatest)]
         return {
             "image": self.blend.image,
+            "seen": self.blend.seen,
             "denoised": self.blend.denoised,
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
@@ -110,7 +125,7 @@ class Denoised:
             NoiseModel(arrays["clean"], noise, arrays["non_finite"]) for noise in arrays["noises"]
         )
         return cls(
-            Blend(arrays["image"], arrays["denoised"], arrays["weight"]),
+            Blend(*(arrays[name] for name in ("image", "denoised", "weight", "seen"))),
             BlendError(likely, greatest),
             str(arrays["denoiser"]),
             BlendError(*others) if others else None,

@@ -228,7 +228,7 @@ class Judge:
         first = self._rules[CURVE].memory().images.get("first")
         if first is None:
             return None
-        image = merge.image() if blend is None else blend.image
+        image = merge.image() if blend is None else blend.seen
         evidence = Evidence(spp=merge.spp, image=image, halves=None, metric=self._metric)
         difference = self._metric.compare(self._metric.percept(first), evidence.percept)
         return difference.visible & evidence.finite if difference.non_finite else difference.visible
@@ -284,7 +284,7 @@ class Judge:
 
 
 def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
-    return replace(raw, image=denoised.blend.image, error=denoised.error)
+    return replace(raw, image=denoised.blend.seen, error=denoised.error)
 
 
 def _as_halves(one: tuple[Pixels, float], other: tuple[Pixels, float]) -> tuple[Half, Half]:

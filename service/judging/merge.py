@@ -37,7 +37,6 @@ class Merge:
     zone_size: int | None = None  #: in pixels; None where all slices have the whole film
     background: Colour = BLACK  #: behind an image with alpha
     exposure_ev: float = 0.0  #: under which the image will be seen; it matters to a look alone
-    has_look: bool = True  #: whether the image is seen through its scene's look, if that has one
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
@@ -56,7 +55,6 @@ class Merge:
             zone_size=Plan.of(spec).size,
             background=spec.view.background,
             exposure_ev=spec.view.exposure_ev,
-            has_look=not spec.is_denoised,
         )
 
     @property
@@ -143,7 +141,7 @@ class Merge:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
         if not self.slices:
-            self.look = partial.look if self.has_look else None
+            self.look = partial.look
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -186,21 +184,23 @@ class Merge:
         self._sampled.note(partial.zones, partial.spp, is_even=is_even)
         self.slices += 1
 
-    def image(self) -> Pixels:
+    def image(self, *, as_seen: bool = True) -> Pixels:
         """Return the image that is judged: (height, width, 3) float32 linear radiance.
 
         An image with alpha is over the background. An image with a look is the light that it makes
-        of a display.
+        of a display, unless it is wanted as rendered (`as_seen` is false).
         """
         assert self._total is not None
-        return self._seen(self._film(self._total))
+        return self._image(self._film(self._total), as_seen)
 
     def layers(self) -> dict[str, Pixels]:
         """Return the image by channel: (height, width) float32, with premultiplied colour."""
         assert self._total is not None
         return self.channels.normalised(self._film(self._total))
 
-    def halves(self) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
+    def halves(
+        self, *, as_seen: bool = True
+    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
         """Return the images of the even and of the odd slices, each with its spp.
 
         By zones, all of them have as many even samples as odd ones at the end of a round, which is
@@ -209,32 +209,34 @@ class Merge:
         if self.slices < 2 or self._even is None:
             return None
         if self._sampled is not None:
-            return self._zoned_halves(self._even, self._sampled.even_spp)
+            return self._zoned_halves(self._even, self._sampled.even_spp, as_seen)
         odd = self.slices // 2
         even = self.slices - odd
         return (
-            (self._seen(self._even), even * self.slice_spp),
-            (self._seen(self._without(self._even)), odd * self.slice_spp),
+            (self._image(self._even, as_seen), even * self.slice_spp),
+            (self._image(self._without(self._even), as_seen), odd * self.slice_spp),
         )
 
-    def other_halves(self) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
+    def other_halves(
+        self, *, as_seen: bool = True
+    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
         """Return two other halves, by zones at the end of a round: two slices in turn for each.
 
         Zones are chosen by these, since an estimate by halves that choose would flatter them.
         """
         assert self._other is not None
         assert self._sampled is not None
-        return self._zoned_halves(self._other, self._sampled.spp // 2)
+        return self._zoned_halves(self._other, self._sampled.spp // 2, as_seen)
 
     def _zoned_halves(
-        self, half: NDArray[np.float64], half_spp: NDArray[np.int64]
+        self, half: NDArray[np.float64], half_spp: NDArray[np.int64], as_seen: bool
     ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
         assert self._sampled is not None
         grid, rest_spp = self._sampled.canvas.grid, self._sampled.spp - half_spp
         pixels = grid.width * grid.height
         sums = (half, half_spp), (self._without(half), rest_spp)
         one, other = (
-            (self._seen(self._film(total, spp)), self._sampled.samples(spp) / pixels)
+            (self._image(self._film(total, spp), as_seen), self._sampled.samples(spp) / pixels)
             for total, spp in sums
         )
         return one, other
@@ -314,6 +316,8 @@ class Merge:
         canvas, all_spp = self._sampled.canvas, self._sampled.spp
         return canvas.assembled(total, all_spp if spp is None else spp, self.channels)
 
-    def _seen(self, total: NDArray[np.float64]) -> Pixels:
+    def _image(self, total: NDArray[np.float64], as_seen: bool) -> Pixels:
         image = self.channels.seen_in(total, self.background)
-        return image if self.look is None else self.look.seen(image, self.exposure_ev)
+        if self.look is None or not as_seen:
+            return image
+        return self.look.seen(image, self.exposure_ev)

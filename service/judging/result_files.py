@@ -77,7 +77,7 @@ def result_files(
     compressed
         Whether to compress the EXR as the spec says; this is slow.
     """
-    image = merge.image() if blend is None else blend.image
+    image = merge.image() if blend is None else blend.seen
     exposure_ev = spec.view.exposure_ev
     picture = encode_srgb(image, exposure_ev)
     spp_map = merge.spp_map()
@@ -110,7 +110,7 @@ def _blended_layers(merge: Merge, blend: Blend) -> dict[str, Pixels]:
     layers = merge.layers()
     raw = np.stack([layers[name] for name in "RGB"], axis=-1)
     with np.errstate(invalid="ignore"):  # a scene may have infinite pixels
-        return layers | layers_of(blend, raw, merge.image() - raw)
+        return layers | layers_of(blend, raw, merge.image(as_seen=False) - raw)
 
 
 def thumbnail(image: Pixels, exposure_ev: float) -> NDArray[np.uint8]:

@@ -40,10 +40,11 @@ def test_the_image_does_not_depend_on_the_workers(blend, tmp_path):
     assert one.mean() > 0.01
 
 
+@pytest.mark.parametrize("denoiser", ["none", "oidn"])
 @pytest.mark.parametrize(("name", "words"), [("plain", "(AgX)"), ("filmic", "(Filmic, look High")])
-def test_it_is_seen_through_the_view_transform_of_the_scene(blend, tmp_path, name, words):
+def test_it_is_seen_through_the_view_transform_of_the_scene(blend, tmp_path, name, words, denoiser):
     out = tmp_path / "out"
-    found = _rendered(blend(name), out, "--spp", "100", "--max-spp", "100")
+    found = _rendered(blend(name), out, "--spp", "100", "--max-spp", "100", "--denoise", denoiser)
     assert any(words in note for note in found["notes"])
     # Blender shows the linear image that was delivered alike, to two code values of 255
     picture = tmp_path / "blender.png"

@@ -154,6 +154,23 @@ def test_so_are_the_pixels_that_a_person_would_see(truth: Image) -> None:
     assert most >= max(estimated, seen)
 
 
+@pytest.mark.parametrize("name", ["ramp", "texture finer than the blur"])
+def test_so_it_is_where_the_image_is_seen_through_a_curve(name: str) -> None:
+    def see(image: Image) -> Image:
+        return np.clip(image, 0, None) ** np.float32(0.5)
+
+    truth, found, meant, noise = TRUTHS[name](), 0.0, 0.0, 0.0
+    for seed in range(4):
+        parts = halves(truth, 0.05, seed)
+        blend, judged = blended(mean(parts), parts, blur, VIEW, see=see)
+        np.testing.assert_array_equal(blend.seen, see(blend.image))
+        np.testing.assert_allclose(judged.likely.clean, blend.seen, atol=1e-6)
+        found += float(np.square(judged.likely.noise).mean())
+        meant += error(blend.seen, see(truth))
+        noise += error(see(mean(parts)), see(truth))
+    assert 0.75 * meant < found < 1.25 * meant + 0.06 * noise
+
+
 def test_so_it_is_where_a_filter_spreads_noise() -> None:
     truth, found, meant = ramp(), 0.0, 0.0
     for seed in range(4):

@@ -192,7 +192,7 @@ def _png(job: Job, spp: int) -> "Encode":
         from plateau.service.judging.facts import identity, png_texts
 
         exposure_ev = job.spec.view.exposure_ev
-        look = None if job.spec.is_denoised else look_of()
+        look = look_of()
         seen = image if look is None else look.seen(image, exposure_ev)
         picture = encode_srgb(seen, exposure_ev)
         return encode_png(picture, texts=png_texts(identity(job, spp)))

@@ -23,9 +23,13 @@ def main() -> None:
 
 def denoised(task: DenoisingTask) -> Denoised:
     """Return the image of the task denoised, and its error."""
-    denoise, words = oidn.denoiser(task.guides, task.view)
-    blend, error = blended(task.image, task.halves, denoise, task.view, is_draft=task.is_draft)
-    others = task.others and blend_error(blend, task.image, task.others, denoise, task.view)
+    denoise, words = oidn.denoiser(task.guides, task.view, task.gain)
+    blend, error = blended(
+        task.image, task.halves, denoise, task.view, see=task.seen, is_draft=task.is_draft
+    )
+    others = task.others and blend_error(
+        blend, task.image, task.others, denoise, task.view, see=task.seen
+    )
     words += ", of halves" if task.is_draft else ""
     return Denoised(blend, error, words, others, task.is_draft)
 

@@ -32,7 +32,7 @@ def version() -> str:
     return found
 
 
-def denoiser(guides: Sequence[Image], view: View) -> tuple[Denoise, str]:
+def denoiser(guides: Sequence[Image], view: View, gain: float = 1.0) -> tuple[Denoise, str]:
     """Return the denoiser for images with these guides, and what it is in words.
 
     Parameters
@@ -43,10 +43,12 @@ def denoiser(guides: Sequence[Image], view: View) -> tuple[Denoise, str]:
     view
         The display. Its exposure scales the image for the network, which would otherwise look for
         one itself, in another way on another number of threads.
+    gain
+        By what its scene brightens the image beside that.
     """
     import mitsuba_oidn as oidn
 
-    scale = float(np.clip(1 / view.brightest, 1e-30, 1e30))
+    scale = float(np.clip(gain / view.brightest, 1e-30, 1e30))
     auxiliary = {}
     if guides:
         albedo, normal = (np.nan_to_num(np.ascontiguousarray(one, np.float32)) for one in guides)

@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import Partial, decode_partial, encode_partial
-from plateau.farm.images.look import SIZE, Look, lattice
+from plateau.farm.images.look import SIZE, Look
 from plateau.metric import encode_srgb
 from plateau.service.judging.merge import Merge
-
-
-def _look(gain: float = 1.0, power: float = 1.0) -> Look:
-    """That of sRGB's own curve, of the radiance to this power."""
-    light = np.clip(lattice(gain) * gain, 0, 1) ** power
-    codes = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    axis = np.rint(codes * 65535).astype(np.uint16)
-    return Look(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1), gain)
+from tests.support.looks import srgb_look
 
 
 @pytest.fixture
@@ -24,7 +17,7 @@ def image() -> np.ndarray:
 
 @pytest.mark.parametrize("gain", [1.0, 0.125, 4.0])
 def test_through_srgb_itself_an_image_is_seen_as_it_is(image, gain):
-    seen = _look(gain).seen(image)
+    seen = srgb_look(gain).seen(image)
     # An eighth of a radiance is seen where the gain is one: what matters is the codes
     off = encode_srgb(seen).astype(int) - encode_srgb(np.clip(image * gain, 0, 1))
     assert np.abs(off).max() <= 1
@@ -32,21 +25,21 @@ def test_through_srgb_itself_an_image_is_seen_as_it_is(image, gain):
 
 
 def test_the_exposure_acts_before_the_transform(image):
-    look = _look(power=2)
+    look = srgb_look(power=2)
     brighter = encode_srgb(look.seen(image, 1.0), exposure_ev=1.0).astype(int)
     assert np.abs(brighter - encode_srgb(look.seen(2 * image))).max() <= 1
 
 
 def test_what_is_not_finite_stays(image):
     image[3, 4, 1], image[5, 6] = np.nan, np.inf
-    seen = _look().seen(image)
+    seen = srgb_look().seen(image)
     assert np.isnan(seen[3, 4, 1])
     assert np.isinf(seen[5, 6]).all()
     assert np.isfinite(seen).sum() == seen.size - 4
 
 
 def test_it_survives_text_and_the_first_slice_of_a_job(image):
-    look = _look(0.5, 2)
+    look = srgb_look(0.5, 2)
     again = Look.from_text(look.as_text())
     assert (again.gain, again.table.tobytes()) == (0.5, look.table.tobytes())
     film = np.concatenate([image, np.ones((40, 30, 1), np.float32)], axis=-1)
@@ -72,15 +65,13 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
     restored = Merge(slice_spp=1)
     restored.restore(2, merge.arrays(), merge.about())
     np.testing.assert_array_equal(restored.image(), merge.image())
-    # And a denoised job has none
-    plain = Merge(slice_spp=1, has_look=False)
-    plain.add_partial(partial)
-    np.testing.assert_array_equal(plain.image(), image)
+    # And a denoiser has the image as rendered
+    np.testing.assert_array_equal(merge.image(as_seen=False), image)
 
 
 @pytest.mark.parametrize("text", ["", "1.0", "1.0 AAAA", "0.0 {}", "nan {}", "1.0 {}AA=="])
 def test_what_is_no_table_is_refused(text):
-    packed = _look().as_text().partition(" ")[2]
+    packed = srgb_look().as_text().partition(" ")[2]
     if text == "1.0 {}AA==":  # a short one
         packed = packed[:400]
     with pytest.raises(ValueError, match="no table of a look"):

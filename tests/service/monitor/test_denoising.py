@@ -12,17 +12,19 @@ import pytest
 import redis
 
 from plateau.farm.images.exr import decode_layers, decode_partial
+from plateau.farm.images.png import decode_png
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.looks import next_look
 from plateau.farm.model.states import JobState
-from plateau.metric import Half, View
+from plateau.metric import Half, View, encode_srgb
 from plateau.service.judging.denoised import DenoisingTask
 from plateau.service.monitor.denoising import child, oidn, process
 from tests.service.api.test_continue import go_on
 from tests.service.monitor.test_channels import header
 from tests.support.every_time import save_every_time
 from tests.support.finished_jobs import finish_by_many_monitors, finished
+from tests.support.looks import srgb_look
 from tests.support.noise_farm import NoiseFarm
 from tests.support.until import until
 
@@ -115,6 +117,30 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm, asked: list[Denois
     last = farm.jobs.curve(done.id)[-1]
     assert last.estimate_fraction <= 0.02 < last.raw_estimate_fraction
     assert last.estimate_undetermined is done.estimate_undetermined is False
+
+
+def test_a_scene_with_a_look_is_judged_and_shown_through_it(
+    farm: NoiseFarm, asked: list[DenoisingTask]
+) -> None:
+    plain = finished(farm, **{**JOB, "rule": {"name": "fixed", "spp": 40}})
+    # Given a scene that hides what is bright: it makes it white
+    farm.look = srgb_look(gain=16)
+    job = finished(farm, **{**JOB, "rule": {"name": "fixed", "spp": 40}})
+    # Then the denoiser has the image as rendered, which is delivered
+    assert asked[-1].gain == 16
+    assert asked[-1].image.tobytes() == asked[0].image.tobytes()
+    there = layers(farm, job)
+    found, weight = colour(there), there["denoised.weight"][..., np.newaxis]
+    blend = weight * colour(there, "denoised.") + (1 - weight) * colour(there, "raw.")
+    np.testing.assert_allclose(found, blend, atol=1e-6)
+    np.testing.assert_array_equal(colour(there, "raw."), colour(layers(farm, plain), "raw."))
+    # And its picture is what the scene's look makes of it
+    picture = decode_png(farm.picture(job, "image.png")).colour * 255
+    assert np.abs(picture - encode_srgb(farm.look.seen(found))).max() <= 1
+    assert (picture == 255).mean() > 0.5
+    # In which hardly anything is left to see
+    left, before = (farm.jobs.curve(one.id)[-1].estimate_pixels for one in (job, plain))
+    assert left < before / 2
 
 
 @pytest.mark.parametrize("rule", [NEVER["rule"], {"name": "jod", "target": 9.99}])

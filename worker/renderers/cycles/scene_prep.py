@@ -111,8 +111,8 @@ def prepare(scene: Any, parameters: Mapping[str, str], threads: int) -> Prepared
     look = baked(scene)
     if look is not None:
         notes.append(
-            f"The scene is seen through its view transform ({described(scene)}), where the job is "
-            "not denoised; image.exr is linear."
+            f"The scene is seen through its view transform ({described(scene)}); image.exr is "
+            "linear."
         )
     _write_films(render)
     return PreparedScene(scene, layer, width, height, look, tuple(notes))
