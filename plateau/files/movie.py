@@ -48,7 +48,11 @@ def write_movie(pictures: Iterable[NDArray[np.uint8]], path: Path, rate: Fractio
     """
     with needs("movie"):
         import av
+        from av.video.reformatter import VideoReformatter
 
+    # A frame's own method keeps one for the thread. From Python 3.12 on a forked child frees those
+    # of other threads, and waits for threads of the reformatter, which it does not have.
+    reformatter = VideoReformatter()
     encoder, options = _ENCODERS[path.suffix]
     size: tuple[int, ...] | None = None
     stream: Any = None
@@ -69,8 +73,8 @@ def write_movie(pictures: Iterable[NDArray[np.uint8]], path: Path, rate: Fractio
                 )
             even = np.pad(picture, [(0, size[0] % 2), (0, size[1] % 2), (0, 0)], mode="edge")
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
-            shown = frame.reformat(
-                format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED
+            shown = reformatter.reformat(
+                frame, format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED
             )
             shown.pts = number
             shown.time_base = 1 / rate
