@@ -37,7 +37,7 @@ from bench.allocating.recordings import HARD, SCENES, add_options, recorded
 from bench.allocating.truth import wrong_share
 from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import Evidence, Half, View, Visible, allowed_pixels, blended, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences

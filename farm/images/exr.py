@@ -17,7 +17,7 @@ from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
 from plateau.farm.images.look import Look
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 
 # A render child, which cannot open the rules that specs know, reads films too.
 if TYPE_CHECKING:

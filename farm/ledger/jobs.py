@@ -24,8 +24,8 @@ from plateau.farm.model.errors import (
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.place_names import MOST_BLOCKED
-from plateau.farm.model.plan import Plan
-from plateau.farm.model.rounds import Round
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.usage import Grouping, Spent

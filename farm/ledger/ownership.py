@@ -14,8 +14,8 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
-from plateau.farm.model.rounds import Round
 from plateau.farm.model.shot import FrameWait
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.place_names import DEFAULT_POOL, MOST_BLOCKED
-from plateau.farm.model.rounds import Round
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.redis import keys

@@ -10,8 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.farm.model.plan import Plan
-    from plateau.farm.model.rounds import Round
+    from plateau.farm.model.slices.plan import Plan
+    from plateau.farm.model.slices.rounds import Round
     from plateau.metric import Evidence
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plateau.farm.model.zones import Grid, Zone, pixels_of
+from plateau.farm.model.slices.zones import Grid, Zone, pixels_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -12,11 +12,11 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.model.aovs import AOVS
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.plan import Plan
-from plateau.farm.model.rounds import slice_zones
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import slice_zones
+from plateau.farm.model.slices.zones import pixels_of
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES
-from plateau.farm.model.zones import pixels_of
 from plateau.farm.process.log import concerning
 
 #: The most pixels to which a sample may contribute beyond its own.

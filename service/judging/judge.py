@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.exr import Pixels
-from plateau.farm.model.plan import Plan
-from plateau.farm.model.rounds import Round
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     Blend,

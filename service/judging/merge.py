@@ -11,7 +11,7 @@ from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
 from plateau.farm.images.look import Look
 from plateau.farm.model.aovs import AOVS, GUIDES
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import SharedSpec
 from plateau.service.judging.canvas import Canvas, Sampled, canvas_of
 

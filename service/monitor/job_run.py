@@ -14,8 +14,8 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
-from plateau.farm.model.rounds import Round
 from plateau.farm.model.shot import FrameWait
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.denoised import Denoised

@@ -5,8 +5,8 @@ from enum import Enum
 from typing import Final
 
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
-from plateau.farm.model.rounds import Round
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.farm.model.fit import Kind, serves
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.worker import Worker
 

@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 from plateau.worker.renderers.contract import Load
 from plateau.worker.supervisor.scene_cache import loading_threads
 from tests.support.own_processes import end_with_parent

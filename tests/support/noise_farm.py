@@ -22,10 +22,10 @@ from plateau.farm.images.look import Look
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
-from plateau.farm.model.rounds import slice_zones
 from plateau.farm.model.seeds import SeedRange
+from plateau.farm.model.slices.rounds import slice_zones
+from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.zones import Zone
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.service.monitor.monitor import Monitor

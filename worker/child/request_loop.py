@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 from plateau.worker.child.films import Films, FilmsNotWritten
 from plateau.worker.renderers.contract import (
     Answer,

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from plateau.farm.model.zones import Zone
+    from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.canary import Canary
 
 #: The channels with which every film begins, see `plateau.farm.images.channels`.

@@ -8,7 +8,7 @@ from typing import Final
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model import versions
-from plateau.farm.model.zones import pixels_of
+from plateau.farm.model.slices.zones import pixels_of
 from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.machine import MachineUse
 from plateau.worker.supervisor.uploader import Rendered

@@ -22,7 +22,7 @@ from plateau.farm.images.channels import Channels
 from plateau.farm.images.look import Look
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
-from plateau.farm.model.zones import Zone, pixels_of
+from plateau.farm.model.slices.zones import Zone, pixels_of
 from plateau.farm.process.hang import HANGS
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError

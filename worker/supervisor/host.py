@@ -11,7 +11,7 @@ from plateau.farm.bundle.placed import path_for
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.renderers import variant_named
-from plateau.farm.model.rounds import slice_zones
+from plateau.farm.model.slices.rounds import slice_zones
 from plateau.farm.process.settings import Settings
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film, RenderChild

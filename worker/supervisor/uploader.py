@@ -16,7 +16,7 @@ from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.images.look import Look
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import Hang

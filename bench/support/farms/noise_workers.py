@@ -22,8 +22,8 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, SliceQueue, SliceRecord
-from plateau.farm.model.rounds import slice_zones
-from plateau.farm.model.zones import pixels_of
+from plateau.farm.model.slices.rounds import slice_zones
+from plateau.farm.model.slices.zones import pixels_of
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake

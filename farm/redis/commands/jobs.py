@@ -61,7 +61,7 @@ class DecidedRound:
     """A round that an image has decided."""
 
     first: int  #: index of its first slice
-    json: str  #: of a `plateau.farm.model.rounds.Round`
+    json: str  #: of a `plateau.farm.model.slices.rounds.Round`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ class LeasedSlice:
     variant: str
     spec: str  #: JSON
     scene: str  #: its SHA-256
-    round: str | None = None  #: JSON of a `plateau.farm.model.rounds.Round`; None for a whole film
+    round: str | None = None  #: JSON of a `slices.rounds.Round`; None for a whole film
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
 from plateau.service.api.http.etags import FINAL, IfNoneMatch, Known, not_modified, strong
 from plateau.service.api.http.layers import HEADERS_ONLY

@@ -13,7 +13,7 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.errors import CannotContinue, CannotFollow
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys

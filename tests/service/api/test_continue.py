@@ -16,8 +16,8 @@ from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, check
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
 from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys

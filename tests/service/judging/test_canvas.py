@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import Partial
+from plateau.farm.model.slices.zones import Grid
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.allocation import ZonesAllocation
-from plateau.farm.model.zones import Grid
 from plateau.service.judging.merge import Merge
 
 GRID = Grid(40, 24, 16)

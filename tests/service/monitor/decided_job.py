@@ -10,7 +10,7 @@ from datetime import datetime, timezone
 from typing import Any
 
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.service.monitor import steps

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor import steps

@@ -15,7 +15,7 @@ from plateau.farm.images.exr import decode_layers, decode_partial
 from plateau.farm.images.png import decode_png
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
-from plateau.farm.model.looks import next_look
+from plateau.farm.model.slices.looks import next_look
 from plateau.farm.model.states import JobState
 from plateau.metric import Half, View, encode_srgb
 from plateau.service.judging.denoised import DenoisingTask

@@ -9,7 +9,7 @@ import redis
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import SPARE, Crew, LookAhead

@@ -18,8 +18,8 @@ from plateau.farm.images.exr import (
 from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
+from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.states import JobState
-from plateau.farm.model.zones import Zone
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
 from tests.service.api.test_continue import go_on

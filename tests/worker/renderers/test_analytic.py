@@ -9,7 +9,7 @@ from plateau.farm.bundle.analytic import LIGHTS, NOISES, AnalyticScene
 from plateau.farm.images.exr import Partial, decode_partial, encode_partial
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.seeds import Pass, SeedSchedule
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 from plateau.worker.renderers.analytic import picture
 from plateau.worker.renderers.analytic.picture import Picture
 from plateau.worker.renderers.contract import SceneError

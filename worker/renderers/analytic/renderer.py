@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.farm.model.zones import Zone
+    from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.contract import Load
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.farm.model.zones import Zone
+    from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.contract import Load
     from plateau.worker.renderers.cycles.scene_prep import PreparedScene
 

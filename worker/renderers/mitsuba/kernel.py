@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from plateau.farm.model.zones import Zone
+    from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.mitsuba.pass_film import Band
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plateau.farm.model.zones import Zone
+from plateau.farm.model.slices.zones import Zone
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

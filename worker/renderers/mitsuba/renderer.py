@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.farm.model.zones import Zone
+    from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
 
 _CANARY = "canary.xml"

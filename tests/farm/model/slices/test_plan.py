@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from plateau.farm.model.plan import Plan
-from plateau.farm.model.rounds import LAG, Round
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import LAG, Round
+from plateau.farm.model.slices.zones import Grid, pixels_of
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.zones import Grid, pixels_of
 
 WIDTH, HEIGHT = 100, 50
 SPEC = JobSpec.model_validate(

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plateau.farm.model.looks import FREE_STEPS, LEAST_GROWTH, MOST_GROWTH, next_look
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.slices.looks import FREE_STEPS, LEAST_GROWTH, MOST_GROWTH, next_look
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 
 SPEC = JobSpec(step=100, slice_spp=25, max_spp=1000, denoise={"name": "oidn"})

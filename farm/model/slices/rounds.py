@@ -6,8 +6,8 @@ import json
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Final
 
+from plateau.farm.model.slices.zones import Grid, Zone
 from plateau.farm.model.spec.allocation import ZonesAllocation
-from plateau.farm.model.zones import Grid, Zone
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

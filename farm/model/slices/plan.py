@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from plateau.farm.model.looks import Looks
 from plateau.farm.model.passes import MOST_SLICE_SPP
-from plateau.farm.model.rounds import LAG, Round
+from plateau.farm.model.slices.looks import Looks
+from plateau.farm.model.slices.rounds import LAG, Round
+from plateau.farm.model.slices.zones import Grid, pixels_of
 from plateau.farm.model.spec.allocation import ZonesAllocation
-from plateau.farm.model.zones import Grid, pixels_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
