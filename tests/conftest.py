@@ -48,7 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)  # which no program inherits
-    from tests.support.own_processes import own_processes
+    from tests.support.processes.own_processes import own_processes
 
     stack = ExitStack()
     stack.enter_context(own_processes())
@@ -80,7 +80,7 @@ def _logging_as_it_was() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _writes_are_watched() -> Iterator[None]:
-    from tests.support.redis_writes import watching  # its assertions are rewritten first
+    from tests.support.redis.redis_writes import watching  # its assertions are rewritten first
 
     with watching():
         yield
@@ -89,7 +89,7 @@ def _writes_are_watched() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def _python_writes_nothing_to_redis() -> Iterator[None]:
     """Also in a thread whose errors nobody hears of."""
-    from tests.support.redis_writes import found
+    from tests.support.redis.redis_writes import found
 
     yield
     writes = [found.pop() for _ in range(len(found))]

@@ -32,7 +32,14 @@ def test_a_pytest_that_is_killed_leaves_nothing_behind(
 ) -> None:
     # Given a run of tests whose processes are all there
     ready, said = tmp_path / "ready", tmp_path / "said"
-    command = [sys.executable, "-m", "pytest", "-q", "tests/support/abandoned.py", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "tests/support/processes/abandoned.py",
+        *options,
+    ]
     environment = {**os.environ, "PLATEAU_TEST_IS_READY": str(ready)}
     for name in ("PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT", "PYTEST_ADDOPTS"):
         environment.pop(name, None)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 ROOM = Path(__file__).parents[1] / "reference" / "scenes" / "room"
 

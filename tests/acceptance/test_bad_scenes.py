@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 SCENE = """<scene version="3.0.0">
   <integrator type="path"/>

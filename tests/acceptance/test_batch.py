@@ -9,7 +9,7 @@ import numpy as np
 
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.until import until
 
 #: Small and quick: each frame converges after a few hundred spp.

@@ -6,8 +6,8 @@ import pytest
 from PIL import Image
 
 from plateau.client import ApiError, ImageEvent
-from tests.support.invariants import check_job
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from tests.support.faulty_farm import SPEC
-from tests.support.invariants import outcome
-from tests.support.real_farm import RealFarm
+from tests.support.farms.faulty_farm import SPEC
+from tests.support.farms.real_farm import RealFarm
+from tests.support.faults.invariants import outcome
 from tests.support.until import until
 
 EARLY = {**SPEC, "rule": {"name": "fixed", "spp": 120}}

@@ -4,7 +4,7 @@ import numpy as np
 
 from plateau.farm.images.exr import decode_layers
 from tests.acceptance.test_same_image import assert_same, kill_a_worker, kill_the_monitor, outcome
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.until import until
 
 SPEC = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plateau.client import DEFAULT_URL
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)

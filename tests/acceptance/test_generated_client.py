@@ -16,7 +16,7 @@ import pytest
 
 from plateau.client import DEFAULT_URL
 from plateau.farm.images.exr import decode_image
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "client.md"
 #: How to generate it: the generator's settings, and its command.

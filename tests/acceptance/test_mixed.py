@@ -7,7 +7,7 @@ from contextlib import suppress
 import psutil
 import pytest
 
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until
 
 SPEC = {

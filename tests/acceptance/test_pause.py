@@ -3,9 +3,9 @@
 import pytest
 
 from plateau.farm.blobs import store as blobs
-from tests.support.faulty_farm import SPEC
-from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import RealFarm
+from tests.support.farms.faulty_farm import SPEC
+from tests.support.farms.real_farm import RealFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
 

@@ -18,7 +18,7 @@ from plateau.farm.images.exr import Pixels
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.wire.views import JobView
 from plateau.worker.supervisor.variants import choose
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.until import until
 
 SIZE = 48

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from tests import man_page
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
 UV = Path(sys.executable).with_name("uv")

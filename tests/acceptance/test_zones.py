@@ -8,7 +8,7 @@ import pytest
 
 from plateau.farm.images.exr import decode_layers
 from tests.acceptance.test_same_image import assert_same, kill_a_worker, outcome
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.until import until
 
 SPEC = {

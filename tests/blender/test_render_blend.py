@@ -13,7 +13,7 @@ from PIL import Image
 
 from plateau.farm.images.exr import decode_image
 from tests.blender.conftest import MAKER
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 
 
 def _rendered(scene: Path, out: Path, *options: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.acl import rules
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
 
 #: Whom the tests look with; the rest is what `plateau redis-acl` prints.
 ROOT, ROOT_PASSWORD = "root", "only in tests"

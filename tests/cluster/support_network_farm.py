@@ -11,7 +11,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.cluster.support_network import Network
-from tests.support.faulty_farm import FaultyFarm
+from tests.support.farms.faulty_farm import FaultyFarm
 from tests.support.until import until
 
 REDIS: Final = "redis"

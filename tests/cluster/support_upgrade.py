@@ -14,8 +14,8 @@ from plateau.client import Client, PointEvent
 from plateau.farm.model.job import Event
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
-from tests.support.faulty_farm import SPEC, FaultyFarm
-from tests.support.real_farm import BOX
+from tests.support.farms.faulty_farm import SPEC, FaultyFarm
+from tests.support.farms.real_farm import BOX
 from tests.support.until import until
 
 #: A client repeats for so long what an API does not answer that is being replaced.

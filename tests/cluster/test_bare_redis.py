@@ -21,8 +21,8 @@ from tests.cluster.support_bare import (
     tls_options,
     users,
 )
-from tests.support.real_farm import BOX
-from tests.support.receiver import SECRET, Receiver, receiving
+from tests.support.farms.real_farm import BOX
+from tests.support.farms.receiver import SECRET, Receiver, receiving
 from tests.support.until import until
 
 SIZE = {"width": 32, "height": 32}

@@ -21,7 +21,7 @@ from tests.cluster.support_bare import (
     tls_options,
     users,
 )
-from tests.support.real_farm import BOX
+from tests.support.farms.real_farm import BOX
 from tests.support.until import until
 
 NAME = "plateau"

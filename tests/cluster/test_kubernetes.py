@@ -16,9 +16,9 @@ from tests.cluster.kubernetes.node import Node
 from tests.cluster.kubernetes.settings import NAME
 from tests.cluster.support_chart import ROOT, SCHEMAS, Find
 from tests.cluster.support_upgrade import People
-from tests.support.faulty_farm import SPEC
-from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import RealFarm
+from tests.support.farms.faulty_farm import SPEC
+from tests.support.farms.real_farm import RealFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
 pytestmark = [pytest.mark.long_form, pytest.mark.timeout(1200)]

@@ -20,7 +20,7 @@ from tests.cluster.support_network_farm import (
     NetworkFarm,
     cases,
 )
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
 FIRST = WORKERS[0]

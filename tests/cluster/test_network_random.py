@@ -15,7 +15,7 @@ import pytest
 from plateau.farm.sweep import sweep
 from tests.cluster.support_network import Network
 from tests.cluster.support_network_farm import MONITOR, REDIS, SPEC, WORKERS, NetworkFarm
-from tests.support.invariants import assert_same, outcome
+from tests.support.faults.invariants import assert_same, outcome
 from tests.support.until import until
 
 pytestmark = pytest.mark.long_form

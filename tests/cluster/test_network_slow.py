@@ -11,8 +11,8 @@ from tests.cluster.support_network import Network
 from tests.cluster.support_network_farm import HOSTS, REDIS, NetworkFarm
 from tests.cluster.support_s3 import BUCKET, S3Server
 from tests.cluster.support_toxiproxy import Toxiproxy
-from tests.support.faulty_farm import SPEC, FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.farms.faulty_farm import SPEC, FaultyFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 
 pytestmark = pytest.mark.long_form
 

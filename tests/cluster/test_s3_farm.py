@@ -12,10 +12,10 @@ import pytest
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
 from tests.cluster.support_s3 import BUCKET, KEY, SECRET, Network, S3Server
-from tests.support.commands import Command
-from tests.support.faulty_farm import SPEC, FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import BOX
+from tests.support.farms.faulty_farm import SPEC, FaultyFarm
+from tests.support.farms.real_farm import BOX
+from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 #: Longer than a lease of these farms, which is 2 s.

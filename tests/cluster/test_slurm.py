@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from tests.cluster.support_slurm import NODES, Slurm
-from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
 #: On a busy machine all of it takes many times as long.

@@ -10,8 +10,8 @@ import pytest
 from plateau.farm.redis import keys
 from plateau.service.api.events.feed import position
 from tests.cluster.support_upgrade import Member, People, UpgradedFarm
-from tests.support.faulty_farm import SPEC
-from tests.support.invariants import assert_same, outcome
+from tests.support.farms.faulty_farm import SPEC
+from tests.support.faults.invariants import assert_same, outcome
 from tests.support.until import until
 
 

@@ -13,8 +13,8 @@ from plateau.exit_codes import ExitCode
 from plateau.farm.model import versions
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
-from tests.support.faulty_farm import SPEC, FaultyFarm
-from tests.support.invariants import assert_same, outcome
+from tests.support.farms.faulty_farm import SPEC, FaultyFarm
+from tests.support.faults.invariants import assert_same, outcome
 from tests.support.until import until
 
 #: What is changed of a Plateau of the next layout, which is made up.

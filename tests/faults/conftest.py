@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
-from tests.support.invariants import Outcome, outcome
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.faults.invariants import Outcome, outcome
 
 
 @pytest.fixture(scope="session")

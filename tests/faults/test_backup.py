@@ -12,8 +12,8 @@ from plateau.farm.images.png import decode_png
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
-from tests.support.commands import Command
-from tests.support.real_farm import BOX
+from tests.support.farms.real_farm import BOX
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.blobs import store as blobs
-from tests.support.every_time import EVERY_TIME
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.farms.every_time import EVERY_TIME
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.faults.loop_disk import LoopDisk
 from tests.support.long_tests import cases
-from tests.support.loop_disk import LoopDisk
 from tests.support.until import until
 
 Submit = Callable[[], str]

@@ -31,9 +31,9 @@ from plateau.farm.redis.link import connect
 from plateau.farm.sweep import sweep
 from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
-from tests.support.invariants import RESULTS, check_job, is_of_no_job
-from tests.support.noise_farm import NoiseFarm
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.real_farm import BOX, RealFarm
+from tests.support.faults.invariants import RESULTS, check_job, is_of_no_job
 from tests.support.until import until
 
 QUEUED, RENDERING, WORKERS = 200, 10, 4

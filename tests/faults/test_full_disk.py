@@ -5,11 +5,11 @@ from pathlib import Path
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
-from tests.support.commands import Command
-from tests.support.faulty_farm import BY_ZONES
-from tests.support.invariants import Outcome
-from tests.support.loop_disk import LoopDisk
-from tests.support.real_farm import BOX
+from tests.support.farms.faulty_farm import BY_ZONES
+from tests.support.farms.real_farm import BOX
+from tests.support.faults.invariants import Outcome
+from tests.support.faults.loop_disk import LoopDisk
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"

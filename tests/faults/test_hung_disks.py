@@ -11,11 +11,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.support.faulty_farm import FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.farms.faulty_farm import FaultyFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.faults.loop_disk import LoopDisk
+from tests.support.faults.silent_mount import BoundFolder, SilentMount
 from tests.support.long_tests import cases
-from tests.support.loop_disk import LoopDisk
-from tests.support.silent_mount import BoundFolder, SilentMount
 from tests.support.until import until
 
 Submit = Callable[[], str]

@@ -10,8 +10,8 @@ import pytest
 
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
-from tests.support.invariants import check_job
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 SCENE = """<scene version="3.0.0">

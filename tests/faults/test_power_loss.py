@@ -1,7 +1,7 @@
 """What was answered with 2xx survives a power loss, and with it the kernel's memory.
 
-The data folder lies on a disk that keeps in memory what it may (`tests.support.loop_disk`). A
-writer is at work; at a random moment every process is killed, and the disk is taken as it is. The
+The data folder lies on a disk that keeps in memory what it may (`tests.support.faults.loop_disk`).
+A writer is at work; at a random moment every process is killed, and the disk is taken as it is. The
 controls do the same without one of the syncs, and lose what was acknowledged: the test can fail.
 """
 
@@ -31,10 +31,10 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
 from tests.support import long_tests
-from tests.support.bundles import scene
-from tests.support.commands import Command
-from tests.support.live_api import live_api
-from tests.support.loop_disk import LoopDisk
+from tests.support.farms.live_api import live_api
+from tests.support.faults.loop_disk import LoopDisk
+from tests.support.processes.commands import Command
+from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
 SEEDS = range(20 if long_tests.WANTED else 2)

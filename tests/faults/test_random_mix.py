@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.sweep import sweep
-from tests.support.chaos import Chaos
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.faults.chaos import Chaos
+from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
 SEED = int(os.environ.get("FAULT_SEED", "1"))

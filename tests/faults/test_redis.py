@@ -8,10 +8,10 @@ import pytest
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis.link import connect
-from tests.support.faulty_farm import FaultyFarm
-from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.farms.faulty_farm import FaultyFarm
+from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.long_tests import cases
-from tests.support.redis_proxy import RedisProxy
 from tests.support.until import until
 
 Submit = Callable[[], str]

@@ -12,11 +12,11 @@ import httpx
 import pytest
 
 from plateau.farm.blobs import store as blobs
-from tests.support.bundles import scene as scene_xml
-from tests.support.every_time import EVERY_TIME
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
-from tests.support.invariants import Outcome, assert_same, check_job, outcome
+from tests.support.farms.every_time import EVERY_TIME
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.faults.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
+from tests.support.scenes.bundles import scene as scene_xml
 from tests.support.until import until
 
 Submit = Callable[[], str]

@@ -12,7 +12,7 @@ from plateau.farm.model.versions import LAYOUT
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"

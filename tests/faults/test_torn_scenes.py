@@ -8,8 +8,8 @@ import pytest
 from plateau.client import ApiError, Client
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
-from tests.support.bundles import scene
-from tests.support.live_api import live_api
+from tests.support.farms.live_api import live_api
+from tests.support.scenes.bundles import scene
 
 
 @pytest.fixture

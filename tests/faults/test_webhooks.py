@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.receiver import SECRET, receiving
 from tests.support.long_tests import cases
-from tests.support.receiver import SECRET, receiving
 from tests.support.until import until
 
 STAGES = {

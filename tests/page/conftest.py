@@ -13,9 +13,9 @@ from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.api.scene_checks.placing import Placing
-from tests.support.browser import SharedChromium, Visitor
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.processes.browser import SharedChromium, Visitor
 
 _CHROMIUM = pytest.StashKey[SharedChromium]()
 

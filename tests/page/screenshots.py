@@ -11,9 +11,9 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from plateau.study.model import Screen
-from tests.support.browser import Visitor, chromium
-from tests.support.real_farm import BOX, RealFarm
-from tests.support.studies import SCREEN, sees
+from tests.support.farms.real_farm import BOX, RealFarm
+from tests.support.farms.studies import SCREEN, sees
+from tests.support.processes.browser import Visitor, chromium
 from tests.support.until import until
 
 IMAGES: Final = Path(__file__).parents[2] / "docs" / "images"

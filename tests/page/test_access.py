@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")

@@ -14,8 +14,8 @@ from plateau.farm.redis import keys
 from plateau.farm.wire import figures
 from plateau.metric.rules.reasons import counted
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 
 COUNTS = (0.5, 2.5, 9.5, 9.96, 12.5, 232.5, 233.5, 1234, 2_073_600)
 FRACTIONS = (0, 1e-7, 0.000113, 0.000125, 0.0125, 0.0363, 0.12345, 0.29, 0.9999, 1)

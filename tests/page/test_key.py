@@ -13,9 +13,9 @@ from plateau.farm.ledger.api_keys import ApiKeys, Role
 from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
 from tests.page.conftest import Visit
-from tests.service.api.test_workers import LIMITS
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
+from tests.service.api.routes.test_workers import LIMITS
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 

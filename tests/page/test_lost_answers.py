@@ -9,8 +9,8 @@ from playwright.sync_api import Page, Route, expect
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.page.job.test_compare import finished
-from tests.support.browser import Visitor
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.processes.browser import Visitor
 
 NOT_KNOWN = "It is not known whether the request arrived; try again: nothing is made twice."
 A_JOB = re.compile("/jobs/[0-9a-f]{12}$")

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, expect
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 MARKUP = "<img src=x onerror=\"document.title='taken'\"><b>bold</b>"
 

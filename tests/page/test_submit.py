@@ -15,7 +15,7 @@ from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 DROP = """(place, text) => {
   const dataTransfer = new DataTransfer();

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 from plateau.files.packing import pack
 from tests.page.conftest import Visit
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from plateau.farm.model.errors import Refused
 from plateau.farm.model.states import JobState
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 
 #: Of its lease: no worker of these goes away, however slow the test is.
 HOUR = 3600

@@ -7,7 +7,7 @@ import pytest
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
-from tests.support.live_api import live_api
+from tests.support.farms.live_api import live_api
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tests.support.faulty_farm import BY_ZONES, SPEC
+from tests.support.farms.faulty_farm import BY_ZONES, SPEC
 
 _SMALL: Final = {"width": 48, "height": 32}
 _FIXED: Final = {"step": 50, "slice_spp": 5, "max_spp": 600, "rule": {"name": "fixed", "spp": 400}}

@@ -19,9 +19,9 @@ from plateau.farm.sweep import sweep
 from tests.soak.held import Watch
 from tests.soak.kinds import KINDS, write_analytic
 from tests.soak.users import Desk, Order
-from tests.support.faulty_farm import FaultyFarm
-from tests.support.invariants import Outcome, assert_same, check_job, is_of_no_job, outcome
-from tests.support.real_farm import BOX
+from tests.support.farms.faulty_farm import FaultyFarm
+from tests.support.farms.real_farm import BOX
+from tests.support.faults.invariants import Outcome, assert_same, check_job, is_of_no_job, outcome
 
 #: How long users wait for a service that is struck.
 _PATIENCE_S: Final = 120.0

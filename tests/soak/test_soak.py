@@ -15,9 +15,9 @@ import pytest
 from tests.soak.report import Found, write
 from tests.soak.soak import Soak, adopting, leaks
 from tests.soak.users import Users
-from tests.support.chaos import Chaos
-from tests.support.faulty_farm import FaultyFarm
-from tests.support.receiver import receiving
+from tests.support.farms.faulty_farm import FaultyFarm
+from tests.support.farms.receiver import receiving
+from tests.support.faults.chaos import Chaos
 from tests.support.until import until
 
 MINUTES = float(os.environ.get("SOAK_MINUTES", "2"))

@@ -13,7 +13,7 @@ from plateau.client import Client
 from plateau.client.errors import ApiError, ClientError
 from plateau.farm.model.spec import JobSpec
 from tests.soak.kinds import KINDS, Kind
-from tests.support.receiver import SECRET
+from tests.support.farms.receiver import SECRET
 
 #: Orders that are under way at once.
 ORDERS: Final = 8

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.support.mitsuba_process import MitsubaProcess
+from tests.support.processes.mitsuba_process import MitsubaProcess
 from tests.support.variants import VARIANTS, library_for
 
 

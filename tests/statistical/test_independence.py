@@ -1,10 +1,10 @@
 """Slices are independent, so that the merged error falls as 1/sqrt(n) (invariant 4).
 
-Judged by `tests.support.independence` on the noise scene. The slices are the pure functions that
-the farm's schedule makes of job seed 0, so a verdict never changes on one machine; over all job
-seeds, independent slices would be found guilty once in 10,000 (the false failure rate below, for
-each stack of slices, Bonferroni-corrected over its pairs and prefixes). What a failed test judged
-is left in its temporary folder.
+Judged by `tests.support.images.independence` on the noise scene. The slices are the pure functions
+that the farm's schedule makes of job seed 0, so a verdict never changes on one machine; over all
+job seeds, independent slices would be found guilty once in 10,000 (the false failure rate below,
+for each stack of slices, Bonferroni-corrected over its pairs and prefixes). What a failed test
+judged is left in its temporary folder.
 
 LLVM slices are held to exactly that. Scalar slices get an allowance, for a fault of Mitsuba's that
 no choice of seeds can mend: in scalar variants every pixel and pass reads the same PCG32 stream,
@@ -24,8 +24,8 @@ import pytest
 
 from plateau.farm.model.seeds import Pass, SeedSchedule
 from tests.support import long_tests
-from tests.support.independence import Verdict, judge, leave_behind
-from tests.support.mitsuba_process import MitsubaProcess
+from tests.support.images.independence import Verdict, judge, leave_behind
+from tests.support.processes.mitsuba_process import MitsubaProcess
 
 NOISE = Path(__file__).parents[1] / "reference/scenes/noise"
 

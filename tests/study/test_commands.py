@@ -15,9 +15,9 @@ from plateau.farm.wire import examples
 from plateau.farm.wire.views import JobView
 from plateau.study.commands import levels_at_stops
 from plateau.study.model import Screen
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
-from tests.support.studies import SCREEN, ended_job, sees
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.studies import SCREEN, ended_job, sees
 
 
 def plateau(*arguments: str) -> tuple[int, str, str]:

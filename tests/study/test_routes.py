@@ -21,9 +21,9 @@ from plateau.farm.sweep import sweep
 from plateau.metric import encode_srgb
 from plateau.study.answers_table import CannotFit, fit_table
 from plateau.study.ledger import Studies, of_study, study_level
-from tests.service.api.test_keys import PLENTY
-from tests.support.noise_farm import NoiseFarm, noise_film
-from tests.support.studies import SCREEN, ended_job
+from tests.service.api.access.test_keys import PLENTY
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.studies import SCREEN, ended_job
 
 SPP = 10
 LEVELS = [10, 20, 40]

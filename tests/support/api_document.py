@@ -9,7 +9,7 @@ from plateau.farm.redis.link import connect
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.scene_checks.pool import SceneChecks
-from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.farms.live_api import LARGEST_UPLOAD
 
 
 def api_document() -> dict[str, Any]:

@@ -14,7 +14,7 @@ from plateau.farm.redis.link import connect
 from tests.cluster.kubernetes.images import REDIS
 from tests.cluster.kubernetes.node import Node
 from tests.cluster.support_chart import CHART
-from tests.support.real_farm import Farm
+from tests.support.farms.real_farm import Farm
 from tests.support.until import until
 
 #: The standard that pods of the farm's namespace have to fit.

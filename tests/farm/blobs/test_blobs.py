@@ -11,7 +11,7 @@ import pytest
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import StoreUnavailable
 from tests.support.blob_contract import BlobContract
-from tests.support.loop_disk import LoopDisk
+from tests.support.faults.loop_disk import LoopDisk
 from tests.support.until import until
 
 

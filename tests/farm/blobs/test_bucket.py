@@ -16,7 +16,7 @@ from plateau.farm.blobs.store import MARK, Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from plateau.farm.redis import keys
-from tests.support.odd_s3 import OddS3, error
+from tests.support.faults.odd_s3 import OddS3, error
 
 SECRET = "the-secret-of-this-test"
 

@@ -6,7 +6,7 @@ import io
 import pytest
 
 from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
-from tests.support.bundles import scene, zipped
+from tests.support.scenes.bundles import scene, zipped
 
 #: How Blender 5 begins a file, and how Zstandard does.
 BLEND = b"BLENDER17-01v0501" + bytes(100)

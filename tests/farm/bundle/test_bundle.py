@@ -21,7 +21,7 @@ from plateau.farm.bundle import (
     inspect_bundle,
     known_plugins,
 )
-from tests.support.bundles import PLY, include, link, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, include, link, mesh, scene, zipped
 
 FILM = '<sensor type="perspective"><film type="hdrfilm">{}</film></sensor>'
 

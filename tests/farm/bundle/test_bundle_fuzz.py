@@ -32,8 +32,8 @@ from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.walk import read_scene
 from tests.support import long_tests
-from tests.support.bundle_strategies import CANARY, Upload, uploads
-from tests.support.bundles import scene, zipped
+from tests.support.scenes.bundle_strategies import CANARY, Upload, uploads
+from tests.support.scenes.bundles import scene, zipped
 
 SEED = int(os.environ.get("FUZZ_SEED", "0"))
 #: Hypothesis remembers all that it drew in a round, some 60 kB a case.

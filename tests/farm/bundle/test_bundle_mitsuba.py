@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.bundle import BundleError, inspect_bundle, known_plugins
-from tests.support.bundles import PLY, include, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
 
 SPECTRUM = b"400 0.5\n700 0.5\n"
 FILMLESS = '<sensor type="perspective">{}</sensor>'

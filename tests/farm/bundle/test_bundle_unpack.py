@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plateau.farm.bundle import BundleError, BundleLimits, unpack_bundle
-from tests.support.bundles import PLY, link, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, link, mesh, scene, zipped
 
 
 def test_a_zip_is_unpacked_with_plain_permissions(tmp_path: Path):

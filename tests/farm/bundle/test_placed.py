@@ -13,7 +13,7 @@ from plateau.farm.bundle.hashes import FileHashes
 from plateau.farm.bundle.placed import LIST_NAME, path_for, with_names, with_paths
 from plateau.farm.bundle.placing import find_placed, write_placed
 from plateau.farm.model.scene_roots import SceneRoot, named_path, read_roots
-from tests.support.bundles import PLY, include, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
 
 LIMITS = BundleLimits()
 

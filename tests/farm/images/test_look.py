@@ -7,7 +7,7 @@ from plateau.farm.images.exr import Partial, decode_partial, encode_partial
 from plateau.farm.images.look import SIZE, Look
 from plateau.metric import encode_srgb
 from plateau.service.judging.merge import Merge
-from tests.support.looks import srgb_look
+from tests.support.images.looks import srgb_look
 
 
 @pytest.fixture

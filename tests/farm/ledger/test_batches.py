@@ -19,7 +19,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 #: Whatever a user may think of.
 NAMES = ["shot/010", "a:b", "plateau:jobs", "10 % grün", "夜景", "x" * 100, "{}", "in:queued"]

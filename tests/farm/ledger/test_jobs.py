@@ -10,7 +10,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 
 @pytest.fixture

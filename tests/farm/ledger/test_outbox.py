@@ -17,7 +17,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 URL = "https://studio.example/hooks/plateau"
 ALL = ("queued", *DEFAULT_EVENTS)

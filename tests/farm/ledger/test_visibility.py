@@ -15,7 +15,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=100)
 ARCHIVED, DELETED, LISTED = Visibility.ARCHIVED, Visibility.DELETED, Visibility.LISTED

@@ -8,7 +8,7 @@ import redis
 from plateau.farm.ledger.queue import Committed, SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import WorkerNotFound
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 @pytest.fixture

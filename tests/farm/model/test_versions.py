@@ -20,7 +20,7 @@ from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys, scripts
 from plateau.farm.redis.scripts import Scripts
 from tests.farm.ledger.test_workers import about
-from tests.support.redis_commands import named
+from tests.support.redis.redis_commands import named
 
 
 class Version:

@@ -12,8 +12,8 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.process import hang
 from plateau.farm.process.hang import Hang
-from tests.support.loop_disk import LoopDisk
-from tests.support.silent_mount import SilentMount
+from tests.support.faults.loop_disk import LoopDisk
+from tests.support.faults.silent_mount import SilentMount
 from tests.support.until import until
 
 Watch = Callable[[threading.Thread], Hang]

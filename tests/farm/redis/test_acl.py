@@ -30,8 +30,8 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts, commands
 from plateau.farm.redis.wake import Wake
-from tests.support.redis_commands import named
-from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
+from tests.support.redis.redis_commands import named
+from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 from tests.support.until import until
 
 VARIANTS = ("scalar_rgb",)

@@ -22,8 +22,8 @@ from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.support.lost_answers import ABOUT, HOOK, WORKER, commit
-from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
+from tests.support.redis.lost_answers import ABOUT, HOOK, WORKER, commit
+from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
 #: Adding one to these changes nothing.
 NO_MORE = ["9007199254740992", "-9007199254740992", "1e300", "-1e300", "inf", "-inf", "nan", "x"]

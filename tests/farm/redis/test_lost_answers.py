@@ -16,8 +16,8 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import commands
-from tests.support.lost_answers import CASES, REPEATS_DIFFER, World, written_by
-from tests.support.redis_proxy import RedisProxy
+from tests.support.faults.redis_proxy import RedisProxy
+from tests.support.redis.lost_answers import CASES, REPEATS_DIFFER, World, written_by
 
 #: Commands that only read.
 _READ: Final = {"batches", "budget_used", "census"}

@@ -11,7 +11,7 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
-from tests.support.redis_proxy import RedisProxy
+from tests.support.faults.redis_proxy import RedisProxy
 
 CHANNEL = "a channel of the test"
 

@@ -12,9 +12,9 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import WrongLayout
 from plateau.farm.redis import keys
 from tests.farm.redis.test_lost_answers import state
-from tests.support import redis_writes
-from tests.support.lost_answers import CASES, World
-from tests.support.redis_writes import PACKAGES, READS, ROOT, RUNS_SCRIPTS
+from tests.support.redis import redis_writes
+from tests.support.redis.lost_answers import CASES, World
+from tests.support.redis.redis_writes import PACKAGES, READS, ROOT, RUNS_SCRIPTS
 
 #: Functions that open a link to Redis.
 OPENERS = {"connect", "connect_to_renew", "open_link", "pipeline"}

@@ -30,7 +30,7 @@ from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.scenes import ForgetScene
 from plateau.farm.sweep import Swept, sweep
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 DAY_S = 86_400.0
 NOTHING = Swept(jobs=0, scenes=0, orphans=0, blobs=0, freed_bytes=0)

@@ -8,8 +8,8 @@ from playwright.sync_api import expect
 
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
-from tests.support.bundles import scene
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.scenes.bundles import scene
 
 
 def test_a_scene_is_submitted_again_with_another_spec(

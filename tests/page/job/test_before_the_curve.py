@@ -9,7 +9,7 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 #: Four slices to the first point.

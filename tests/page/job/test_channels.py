@@ -8,7 +8,7 @@ from plateau.farm.images.exr import decode_layers
 from plateau.metric import encode_srgb
 from tests.page.conftest import Visit
 from tests.page.job.test_job import pixels
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 BACKGROUND = (0.5, 0.25, 1.0)
 SPEC = {

@@ -13,7 +13,7 @@ from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
 from tests.page.job.test_job import SPEC, is_shown, pixels, png
 from tests.page.test_access import violations
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 

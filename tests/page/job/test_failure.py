@@ -10,8 +10,8 @@ from playwright.sync_api import Locator, Page, expect
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
-from tests.support.bundles import scene
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.scenes.bundles import scene
 
 KILLED = "the render process was ended by SIGKILL while rendering a pass"
 

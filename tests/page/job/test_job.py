@@ -21,10 +21,10 @@ from plateau.metric import encode_srgb
 from plateau.metric.zones import zone_edges
 from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
-from tests.support.browser import Visitor
-from tests.support.live_api import live_api
-from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
-from tests.support.staged_job import StagedJob
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.browser import Visitor
 from tests.support.until import until
 
 SPEC = {

@@ -6,7 +6,7 @@ from playwright.sync_api import expect
 from tests.page.conftest import Visit
 from tests.page.job.test_compare import finished
 from tests.page.test_access import violations
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 

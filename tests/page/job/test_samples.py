@@ -13,7 +13,7 @@ from plateau.metric import SAMPLES_PALETTE
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
 from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 STYLE = Path(__file__).parents[3] / "service" / "page" / "job" / "viewer" / "viewer.css"
 

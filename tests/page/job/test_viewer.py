@@ -15,9 +15,9 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, pixels, png
-from tests.support.browser import Visitor
-from tests.support.live_api import live_api
-from tests.support.noise_farm import SIZE, NoiseFarm
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import SIZE, NoiseFarm
+from tests.support.processes.browser import Visitor
 
 HEIGHT, WIDTH = SIZE
 SPEC = {"step": 25, "max_spp": 50, "rule": {"name": "fixed", "spp": 50}}

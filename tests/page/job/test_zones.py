@@ -4,7 +4,7 @@ import redis
 from playwright.sync_api import Page, expect
 
 from tests.page.conftest import Visit
-from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 
 #: Of the two zones of each row: zones begin at multiples of 16 pixels.
 PIXELS = (16 * 16, 16 * 8)

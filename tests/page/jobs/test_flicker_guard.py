@@ -7,8 +7,8 @@ from playwright.sync_api import Locator, Page, expect
 from plateau.farm.ledger.batches import Batches
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 
 STOPS = {"rule": {"name": "visible", "target": 0.0002}, "min_spp": 100}
 

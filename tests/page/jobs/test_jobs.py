@@ -7,7 +7,7 @@ from playwright.sync_api import Locator, Page, Request, expect
 
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 QUICK = {"step": 50, "max_spp": 200, "rule": {"name": "fixed", "spp": 200}}

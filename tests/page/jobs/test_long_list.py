@@ -11,8 +11,8 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 JOBS, RENDERING = 200, 10

@@ -9,7 +9,7 @@ from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import Visibility
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from playwright.sync_api import Page, expect
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 @pytest.fixture

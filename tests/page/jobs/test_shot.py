@@ -5,7 +5,7 @@ from playwright.sync_api import expect
 from plateau.farm.model.spec import BatchSpec
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 SHOT = {
     "shot": {"fps": 24, "target": None},

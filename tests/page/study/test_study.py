@@ -17,8 +17,8 @@ from plateau.study.model import Screen
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
 from tests.page.test_access import violations
-from tests.support.noise_farm import NoiseFarm
-from tests.support.studies import SCREEN, ended_job, sees
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.studies import SCREEN, ended_job, sees
 
 #: The simulated observers see a difference in half of the pairs here, and less often beyond.
 THRESHOLD, SPREAD = 1300.0, 250.0

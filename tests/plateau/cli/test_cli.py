@@ -22,8 +22,8 @@ from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.metric import View
 from plateau.service.api.process import listen
-from tests.support.bundles import mesh, scene
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import mesh, scene
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 

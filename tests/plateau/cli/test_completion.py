@@ -20,7 +20,7 @@ from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.renderers import VARIANTS
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState, Visibility
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 Offers = Callable[..., list[str]]
 

@@ -3,8 +3,8 @@
 import pytest
 import redis
 
-from tests.support.staged_job import StagedJob
-from tests.support.terminal import Terminal
+from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.terminal import Terminal
 
 
 @pytest.mark.parametrize("columns", [80, 40])

@@ -10,7 +10,7 @@ import redis
 from plateau import ApiError, Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, encode_image, encode_layers, encode_partial
-from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 
 
 def test_the_merged_image_is_an_array(plateau: Client, client: redis.Redis, store: Blobs) -> None:

@@ -19,7 +19,7 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.versions import plateau as version
 from tests.farm.ledger.test_workers import about
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 
 class TestScenes:

@@ -13,9 +13,9 @@ from plateau.farm.bundle import BundleError
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.api.process import listen
-from tests.support.bundles import PLY, mesh, scene
-from tests.support.live_api import live_api
-from tests.support.staged_job import StagedJob
+from tests.support.farms.live_api import live_api
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import PLY, mesh, scene
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from plateau import (
 )
 from plateau.farm.model.states import JobState
 from plateau.service.api.process import listen
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 
 def test_each_event_has_a_type_of_its_own(plateau: Client, client: redis.Redis) -> None:

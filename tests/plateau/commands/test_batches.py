@@ -21,8 +21,8 @@ from plateau.files.frames import each, from_file
 from plateau.files.packing import pack
 from plateau.terminal.batch_progress import batch_progress_on
 from tests.plateau.cli.test_cli import plateau as command
-from tests.support.bundles import PLY, mesh, scene
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import PLY, mesh, scene
 
 
 @pytest.fixture

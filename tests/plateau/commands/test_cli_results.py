@@ -24,8 +24,8 @@ from plateau.farm.redis import keys
 from plateau.job_text import share_of
 from plateau.service.api.process import listen
 from tests.farm.ledger.test_workers import about
-from tests.support.bundles import scene
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import scene
 
 
 @pytest.fixture(autouse=True)

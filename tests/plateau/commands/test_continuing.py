@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.farm.model.job import Job
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 400, "rule": {"name": "fixed", "spp": 40}}
 

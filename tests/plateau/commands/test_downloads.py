@@ -16,9 +16,9 @@ from plateau.commands.outputs import write_results
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.job import Job
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 
 SLICES = 12
 HALF = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n" + bytes(1000)

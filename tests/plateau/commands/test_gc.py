@@ -14,8 +14,8 @@ from plateau.farm.ledger.schema import check_schema
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.support.commands import Command
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import Command
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 

@@ -11,7 +11,7 @@ from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Partial, Pixels, encode_image, encode_partial
 from plateau.farm.model.spec import JobSpec
 from plateau.files.image_series import CannotJudge, find_series, judge_series
-from tests.support.noise_farm import noise_film
+from tests.support.farms.noise_farm import noise_film
 
 SLICES = 40
 SPEC = JobSpec.model_validate(

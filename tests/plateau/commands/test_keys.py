@@ -17,7 +17,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import redis
 
-from tests.support.staged_job import StagedJob
-from tests.support.terminal import Terminal
+from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.terminal import Terminal
 
 DOTS = re.compile("[\u2801-\u28ff]")
 

@@ -15,8 +15,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.plateau.cli.test_cli import plateau as command
-from tests.support.movies import pictures
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
+from tests.support.images.movies import pictures
 
 
 @pytest.fixture(autouse=True)

@@ -23,9 +23,9 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.spec import FixedSpec
 from plateau.farm.model.states import JobState
 from plateau.files.job_folder import begin, in_turn, owner
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 
@@ -162,7 +162,14 @@ class TestAFolderThatAnotherJobHadBefore:
         kills = [
             json.loads(line)
             for line in subprocess.run(
-                [sys.executable, "-m", "tests.support.killed_writer", api, after.id, str(tmp_path)],
+                [
+                    sys.executable,
+                    "-m",
+                    "tests.support.faults.killed_writer",
+                    api,
+                    after.id,
+                    str(tmp_path),
+                ],
                 check=True,
                 stdout=subprocess.PIPE,
                 text=True,
@@ -247,5 +254,5 @@ def stamps(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def content(folder: Path) -> dict[str, str]:
-    """What a person sees in the folder, as `tests.support.killed_writer` says it."""
+    """What a person sees in the folder, as `tests.support.faults.killed_writer` says it."""
     return {name: (folder / name).read_bytes().hex() for name in visible(folder)}

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.images.exr import decode_layers
-from tests.support.bundles import scene
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
+from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
 #: A lit floor, small enough to take no time.

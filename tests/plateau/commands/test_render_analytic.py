@@ -10,7 +10,7 @@ import pytest
 from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import decode_image, decode_layers
 from plateau.worker.renderers.analytic.picture import Picture
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 
 SIZE = {"width": 40, "height": 30}
 

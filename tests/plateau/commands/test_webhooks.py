@@ -9,9 +9,9 @@ import typer.testing
 
 from plateau.cli import app
 from plateau.farm.ledger.outbox import Outbox, new_secret
-from tests.support.bundles import scene
-from tests.support.receiver import OK, receiving
-from tests.support.staged_job import StagedJob
+from tests.support.farms.receiver import OK, receiving
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import scene
 
 URL = "https://studio.example/hooks/plateau"
 

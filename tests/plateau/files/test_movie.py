@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plateau.errors import CommandFailed
 from plateau.files.movie import SUFFIXES, write_movie
-from tests.support.movies import pictures
+from tests.support.images.movies import pictures
 
 
 def ramps(count: int = 5, height: int = 47, width: int = 63) -> Iterator[NDArray[np.uint8]]:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
 from plateau.files.packing import Packed, pack
-from tests.support.bundles import PLY, include, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 

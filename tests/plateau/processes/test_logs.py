@@ -16,7 +16,7 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 from tests.support.until import until
 from tests.worker.supervisor.test_supervisor import SCENE, Bench
 

@@ -13,8 +13,8 @@ import pytest
 
 from plateau.client import Client
 from plateau.worker.confinement.capabilities import drop_capabilities
-from tests.support.bundles import scene
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
+from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
 Up = Callable[..., Command]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.commands import Command
+from tests.support.processes.commands import Command
 
 DOCUMENTED = Path(__file__).parents[3] / "docs" / "notebook.ipynb"
 
@@ -26,7 +26,7 @@ def execute(tmp_path: Path) -> Iterator[Execute]:
         # A home of its own, as settings of IPython lie there
         home = {"HOME": str(tmp_path), "PYTHONPATH": str(DOCUMENTED.parents[1])}
         arguments = (str(tmp_path / "run.ipynb"), *options)
-        program = ("-W", "ignore", "-m", "tests.support.notebook")
+        program = ("-W", "ignore", "-m", "tests.support.processes.notebook")
         command = Command(*arguments, program=program, folder=tmp_path, **home)
         started.append(command)
         assert command.exit_code(200) == 0, command.said

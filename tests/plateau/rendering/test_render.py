@@ -13,8 +13,8 @@ import plateau
 from plateau import RenderFailed, Result
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleError
-from tests.support.commands import Command
-from tests.support.real_farm import RealFarm
+from tests.support.farms.real_farm import RealFarm
+from tests.support.processes.commands import Command
 
 #: A scene that needs no Mitsuba.
 CHECKS = {"analytic": 1, "width": 40, "height": 30, "light": "checks", "level": 0.2}

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.terminal.progress import LiveProgress, PlainProgress, progress_on, sparkline
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 
 def shown(

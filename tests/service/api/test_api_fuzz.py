@@ -46,7 +46,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.states import JobState
 from tests.support import long_tests
 from tests.support.api_document import api_document
-from tests.support.staged_job import PARTIAL, StagedJob
+from tests.support.farms.staged_job import PARTIAL, StagedJob
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
 REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most

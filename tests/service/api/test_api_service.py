@@ -15,9 +15,9 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.process import CannotListen, listen
-from tests.service.api.test_jobs import problem, submit
-from tests.support.live_api import live_api
-from tests.support.staged_job import StagedJob
+from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.farms.live_api import live_api
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 

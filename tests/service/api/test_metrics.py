@@ -20,11 +20,11 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.monitor import sweeper
-from tests.service.api.test_jobs import problem
-from tests.support.live_api import live_api
-from tests.support.noise_farm import SIZE, NoiseFarm
-from tests.support.redis_proxy import RedisProxy
-from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import SIZE, NoiseFarm
+from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 ROOT = Path(__file__).parents[3]

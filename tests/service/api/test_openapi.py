@@ -27,9 +27,9 @@ from plateau.service.api.submission import idempotency
 from plateau.study import examples as study_examples
 from plateau.study.ledger import Studies
 from plateau.study.model import Screen, Study
-from tests.service.api.test_jobs import submit
-from tests.support.live_api import LARGEST_UPLOAD
-from tests.support.staged_job import StagedJob
+from tests.service.api.routes.test_jobs import submit
+from tests.support.farms.live_api import LARGEST_UPLOAD
+from tests.support.farms.staged_job import StagedJob
 
 JSON = "application/json"
 PROBLEM = "application/problem+json"

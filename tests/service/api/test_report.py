@@ -13,7 +13,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.wire.curve_svg import curve_svg
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 
 
 class Elements(HTMLParser):

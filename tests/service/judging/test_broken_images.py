@@ -16,8 +16,8 @@ from plateau.farm.images.exr import Pixels, decode_image
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import job_view
-from tests.support.live_api import live_api
-from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
 from tests.support.until import until
 
 #: Of an image of these 768 pixels two may be broken.

@@ -8,8 +8,8 @@ import pytest
 import redis
 from PIL import Image
 
-from tests.support.finished_jobs import finished
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.finished_jobs import finished
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 def test_the_points_of_its_curve_count_what_is_looked_at(

@@ -11,8 +11,8 @@ from PIL import Image
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import Evidence, Half, View, VisibleDifferences
-from tests.support.finished_jobs import finished
-from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.finished_jobs import finished
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.until import until
 
 #: The marks of pixels that differ visibly in two images with such noise, and in one.

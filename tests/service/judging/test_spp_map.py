@@ -17,8 +17,8 @@ from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.job import Job
 from plateau.metric import SAMPLES_PALETTE, samples_map
 from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
-from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
 
 FRAME = {**JOB, "allocation": {"name": "frame"}, "max_spp": 80}
 

@@ -16,8 +16,8 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
 from plateau.service.api.points.remaking import remade
-from tests.support.every_time import save_every_time
-from tests.support.noise_farm import SIZE, NoiseFarm, ramp
+from tests.support.farms.every_time import save_every_time
+from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
 from tests.support.until import until
 
 AOVS = ("albedo", "depth", "shape_id")

@@ -29,9 +29,9 @@ from plateau.service.monitor.webhooks.commands import Commands
 from plateau.service.monitor.webhooks.deliverers import Deliverer
 from plateau.service.monitor.webhooks.requests import Requests
 from plateau.terminal.story import story
-from tests.service.monitor.test_notifications import ended, state
-from tests.support.live_api import live_api
-from tests.support.staged_job import StagedJob
+from tests.service.monitor.webhooks.test_notifications import ended, state
+from tests.support.farms.live_api import live_api
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 PYTHON = sys.executable

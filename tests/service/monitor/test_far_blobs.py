@@ -11,7 +11,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 SLICES = 64
 

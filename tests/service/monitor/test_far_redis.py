@@ -6,8 +6,8 @@ from pathlib import Path
 import redis
 
 from plateau.farm.redis import keys
-from tests.support.noise_farm import NoiseFarm
-from tests.support.redis_proxy import RedisProxy
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 LEASE_S = 2.0

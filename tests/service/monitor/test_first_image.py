@@ -8,8 +8,8 @@ import redis
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from tests.support.invariants import check_job
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 

@@ -14,7 +14,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import SPARE, Crew, LookAhead
 from tests.farm.ledger.test_workers import about
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 #: Keeps sixteen workers busy.

@@ -8,7 +8,7 @@ import redis
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.service.monitor.test_monitor import QUICK, work
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import redis
 
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}

@@ -21,7 +21,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.service.api.points.remaking import remade
-from tests.support.noise_farm import NoiseFarm
+from tests.support.farms.noise_farm import NoiseFarm
 
 JOB = {"step": 20, "slice_spp": 10, "max_spp": 80, "rule": {"name": "fixed", "spp": 40}}
 

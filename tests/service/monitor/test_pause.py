@@ -13,9 +13,9 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from tests.support.every_time import save_every_time
-from tests.support.invariants import check_job
-from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.every_time import save_every_time
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}

@@ -11,8 +11,8 @@ import redis
 from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
-from tests.support.live_api import live_api
-from tests.support.staged_job import StagedJob
+from tests.support.farms.live_api import live_api
+from tests.support.farms.staged_job import StagedJob
 
 HEAD = (
     "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: multipart/form-data; boundary=b\r\n"

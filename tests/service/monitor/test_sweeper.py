@@ -10,7 +10,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.service.monitor import sweeper
 from plateau.service.monitor.sweeper import sweeping
-from tests.support.staged_job import StagedJob
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 ORPHAN = "jobs/0123456789ab/partials/000000-killed-1.exr"

@@ -11,9 +11,9 @@ from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from tests.support.every_time import save_every_time
-from tests.support.invariants import check_job
-from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.every_time import save_every_time
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 SLICE, STEP, SHOWN = 10, 20, 100

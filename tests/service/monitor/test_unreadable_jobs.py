@@ -12,9 +12,9 @@ from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from tests.service.api.test_jobs import problem
-from tests.support.noise_farm import NoiseFarm
-from tests.support.staged_job import StagedJob
+from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}

@@ -22,11 +22,11 @@ from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.states import JobState
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
-from tests.service.api.test_continue import go_on
-from tests.support.every_time import save_every_time
-from tests.support.finished_jobs import finish_by_many_monitors, finished
-from tests.support.invariants import check_job
-from tests.support.noise_farm import NoiseFarm, ramp
+from tests.service.api.routes.test_continue import go_on
+from tests.support.farms.every_time import save_every_time
+from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
+from tests.support.farms.noise_farm import NoiseFarm, ramp
+from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 HEIGHT, WIDTH = 32, 96

@@ -15,9 +15,9 @@ from subprocess import PIPE
 import pytest
 
 from plateau.farm.model.states import JobState
-from tests.support import hostile_child
-from tests.support.commands import Command
-from tests.support.real_farm import BOX, RealFarm
+from tests.support.farms.real_farm import BOX, RealFarm
+from tests.support.faults import hostile_child
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 pytestmark = pytest.mark.skipif(

@@ -15,7 +15,7 @@ from plateau.worker.renderers.analytic.picture import Picture
 from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
-from tests.support import independence
+from tests.support.images import independence
 
 VARIANT = "analytic:numpy"
 LIMITS = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.mitsuba_process import (
+from tests.support.processes.mitsuba_process import (
     MitsubaProcess,
     by_mitsuba,
     chunks_of_pass,

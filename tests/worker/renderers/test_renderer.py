@@ -8,8 +8,9 @@ import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.worker.renderers.contract import SceneError
-from tests.support import long_tests, mitsuba_process
-from tests.support.mitsuba_process import MitsubaProcess
+from tests.support import long_tests
+from tests.support.processes import mitsuba_process
+from tests.support.processes.mitsuba_process import MitsubaProcess
 from tests.support.variants import library_for
 
 ROOM = Path(__file__).parents[2] / "reference/scenes/room"

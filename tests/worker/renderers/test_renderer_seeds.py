@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
-from tests.support.mitsuba_process import MitsubaProcess
+from tests.support.processes.mitsuba_process import MitsubaProcess
 
 NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tests.support import scene_dicts
-from tests.support.mitsuba_process import MitsubaProcess
+from tests.support.processes.mitsuba_process import MitsubaProcess
+from tests.support.scenes import scene_dicts
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from plateau.worker.supervisor.child_process import (
     RenderChild,
 )
 from plateau.worker.supervisor.child_start import ChildLimits
-from tests.support.loop_disk import LoopDisk
+from tests.support.faults.loop_disk import LoopDisk
 
 BOX = Path(__file__).parents[3] / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)

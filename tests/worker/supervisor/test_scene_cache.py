@@ -14,8 +14,8 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.worker.supervisor.scene_cache import SceneCache
-from tests.support.bundles import PLY, mesh, scene, zipped
-from tests.support.loop_disk import LoopDisk
+from tests.support.faults.loop_disk import LoopDisk
+from tests.support.scenes.bundles import PLY, mesh, scene, zipped
 
 SCENE = zipped({"scene.xml": scene(mesh("a.ply")), "a.ply": PLY}).getvalue()
 SHA256 = hashlib.sha256(SCENE).hexdigest()

@@ -36,7 +36,7 @@ from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import Probe, VariantChoice, probe
-from tests.support.loop_disk import LoopDisk
+from tests.support.faults.loop_disk import LoopDisk
 from tests.support.until import until
 
 

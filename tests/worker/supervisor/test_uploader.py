@@ -14,8 +14,8 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.uploader import Glimpse, Rendered, Uploader
-from tests.support.odd_s3 import OddS3
-from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.faults.odd_s3 import OddS3
 from tests.support.until import until
 
 

@@ -1,0 +1,415 @@
+"""Who may call the API: with which key, as what, how often, and for whose jobs."""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import examples
+from plateau.service.api.access.key_guard import Access, needs_key
+from plateau.service.api.process import CannotListen, access_at
+from plateau.service.api.routes import results as routes_results
+from tests.service.api.routes.test_jobs import BOX, problem, submit
+from tests.support.farms.live_api import live_api
+from tests.support.farms.staged_job import StagedJob
+from tests.support.faults.redis_proxy import RedisProxy
+
+PLENTY = KeyLimits(requests_per_minute=1e6, burst=1000, upload_bytes=None, open_jobs=None)
+OPEN_PATHS = ("/healthz", "/readyz", "/docs", "/openapi.json", "/problems/no-key", "/")
+
+As = Callable[..., httpx.Client]
+
+
+@pytest.fixture
+def keys(client: redis.Redis) -> ApiKeys:
+    return ApiKeys(client)
+
+
+@pytest.fixture
+def as_(session_api: str, keys: ApiKeys) -> Iterator[As]:
+    """Clients of the session's API, each with a new key of this role and these limits."""
+    made: list[httpx.Client] = []
+
+    def with_key(role: str, **limits: float | None) -> httpx.Client:
+        allowed = KeyLimits.model_validate({**PLENTY.model_dump(), **limits})
+        _, shown = keys.create(f"a {role}", Role(role), allowed)
+        made.append(
+            httpx.Client(
+                base_url=session_api,
+                headers={"Authorization": f"Bearer {shown}"},
+                trust_env=False,
+                timeout=60,
+            )
+        )
+        return made[-1]
+
+    yield with_key
+    for one in made:
+        one.close()
+
+
+def id_of(client: httpx.Client) -> str:
+    return client.headers["Authorization"].split("_")[1]
+
+
+def shown_by(client: httpx.Client) -> str:
+    return client.headers["Authorization"].removeprefix("Bearer ")
+
+
+class TestAnOpenApi:
+    def test_wants_no_key_as_long_as_none_was_made(self, http: httpx.Client) -> None:
+        assert http.get("/v1/jobs").status_code == 200
+        made = submit(http).json()
+        assert (made["owner"], made["owner_name"]) == (None, None)
+        # Nor does it mind one, as of a client that has another service's
+        answer = http.get("/v1/jobs", headers={"Authorization": "Bearer plateau_0_0"})
+        assert answer.status_code == 200
+
+    def test_is_closed_by_the_first_key_at_once(self, http: httpx.Client, as_: As) -> None:
+        assert http.get("/v1/jobs").status_code == 200
+        viewer = as_("viewer")
+        problem(http.get("/v1/jobs"), 401, "no-key")
+        assert viewer.get("/v1/jobs").status_code == 200
+
+    def test_is_not_opened_again_by_revoking_them_all(
+        self, http: httpx.Client, as_: As, keys: ApiKeys
+    ) -> None:
+        admin = as_("admin")
+        keys.revoke(id_of(admin))
+        problem(admin.get("/v1/jobs"), 401, "bad-key")
+        problem(http.get("/v1/jobs"), 401, "no-key")
+
+    def test_may_be_asked_to_stay_open(
+        self, redis_url: str, api_store: Blobs, keys: ApiKeys
+    ) -> None:
+        keys.create("me", Role.VIEWER, PLENTY)
+        with (
+            live_api(redis_url, api_store, access=Access.OPEN) as url,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
+        ):
+            assert submit(http).status_code == 201
+            # For this machine alone
+            problem(http.get("/v1/jobs", headers={"Host": "evil.example"}), 403, "foreign-host")
+
+    def test_that_other_machines_reach_is_none(self, redis_url: str, api_store: Blobs) -> None:
+        with (
+            live_api(redis_url, api_store, access=Access.KEYS) as url,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
+        ):
+            problem(http.get("/v1/jobs"), 401, "no-key")
+
+
+class TestWhereItListens:
+    def test_on_this_machine_it_waits_for_the_first_key(self, keys: ApiKeys) -> None:
+        assert access_at("127.0.0.1", keys, open_to_all=False) is Access.UNTIL_KEYS
+        assert access_at("::1", keys, open_to_all=True) is Access.OPEN
+
+    @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.0.1", "example.org", ""])
+    def test_elsewhere_it_wants_a_key_that_can_be_used(self, keys: ApiKeys, host: str) -> None:
+        with pytest.raises(CannotListen, match="plateau keys create NAME --role admin"):
+            access_at(host, keys, open_to_all=False)
+        key, _ = keys.create("me", Role.ADMIN, PLENTY)
+        assert access_at(host, keys, open_to_all=False) is Access.KEYS
+        keys.revoke(key.id)
+        with pytest.raises(CannotListen, match="without a key"):
+            access_at(host, keys, open_to_all=False)
+
+    def test_elsewhere_it_is_never_open(self, keys: ApiKeys) -> None:
+        keys.create("me", Role.ADMIN, PLENTY)
+        with pytest.raises(CannotListen, match="with --open: other machines reach that address"):
+            access_at("0.0.0.0", keys, open_to_all=True)
+
+
+class TestAKey:
+    def test_is_wanted_for_all_that_is_the_farm_s(self, http: httpx.Client, as_: As) -> None:
+        as_("viewer")
+        described = http.get("/openapi.json").json()
+        paths = [path for path in described["paths"] if needs_key(path)]
+        ours = {"/healthz", "/readyz", "/v1/rules", "/v1/spec", "/problems/{slug}"}
+        assert set(described["paths"]) - set(paths) == ours
+        for path in paths:
+            for method, operation in described["paths"][path].items():
+                asked = path.replace("{", "").replace("}", "")
+                answer = http.request(method, asked)
+                assert answer.headers["www-authenticate"] == 'Bearer realm="plateau"'
+                assert "plateau keys create" in problem(answer, 401, "no-key")["detail"]
+                assert operation["security"] == [{"api_key": []}]
+        # Not even what is not there is told
+        problem(http.get("/v1/nothing"), 401, "no-key")
+
+    @pytest.mark.parametrize("path", OPEN_PATHS)
+    def test_is_not_wanted_for_what_is_the_same_everywhere(
+        self, http: httpx.Client, as_: As, path: str
+    ) -> None:
+        as_("viewer")
+        answer = http.get(path, headers={"Host": "farm.example"})
+        assert answer.status_code == 200
+
+    def test_can_ask_what_it_may_do(self, http: httpx.Client, as_: As) -> None:
+        nobody = {"id": None, "name": None, "role": "admin", "limits": None}
+        assert http.get("/v1/key").json() == nobody  # as long as the service is open
+        mine = as_("submitter", open_jobs=7)
+        told = mine.get("/v1/key").json()
+        assert (told["id"], told["name"], told["role"]) == (id_of(mine), "a submitter", "submitter")
+        assert told["limits"]["open_jobs"] == 7
+        assert set(told) == set(nobody)
+        problem(http.get("/v1/key"), 401, "no-key")
+
+    def test_is_told_to_swagger(self, http: httpx.Client) -> None:
+        schemes = http.get("/openapi.json").json()["components"]["securitySchemes"]
+        assert schemes["api_key"]["scheme"] == "bearer"
+
+    def test_revoked_ends_a_stream_of_events_that_is_open(
+        self, as_: As, keys: ApiKeys, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(routes_results, "_HEARTBEAT_S", 0.1)
+        job = StagedJob(client)
+        revoked, other = as_("viewer"), as_("viewer")
+        with (
+            revoked.stream("GET", f"/v1/jobs/{job.id}/events") as stream,
+            other.stream("GET", f"/v1/jobs/{job.id}/events") as others,
+        ):
+            lines, goes_on = stream.iter_lines(), others.iter_lines()
+            assert ": still here" in lines
+            keys.revoke(id_of(revoked))
+            assert len(list(lines)) < 20  # it ends
+            assert [": still here" in goes_on for _ in range(5)] == [True] * 5
+
+    def test_unknown_or_revoked_is_answered_alike(self, as_: As, keys: ApiKeys) -> None:
+        revoked, viewer = as_("viewer"), as_("viewer")
+        keys.revoke(id_of(revoked))
+        secret = shown_by(viewer).rpartition("_")[2]
+        answers = [
+            revoked.get("/v1/jobs"),
+            *(
+                viewer.get(
+                    "/v1/jobs", headers={b"Authorization": f"Bearer {forged}".encode("latin-1")}
+                )
+                for forged in (
+                    f"plateau_{id_of(viewer)}_{'0' * 64}",
+                    f"plateau_{'0' * 12}_{secret}",
+                    "rubbish",
+                    "a b",
+                    "\xe9",
+                )
+            ),
+        ]
+        for answer in answers:
+            said = problem(answer, 401, "bad-key")
+            assert said == problem(answers[0], 401, "bad-key")
+            assert 'error="invalid_token"' in answer.headers["www-authenticate"]
+            assert secret not in answer.text
+
+    @pytest.mark.parametrize("scheme", ["Bearer ", "bearer ", "BEARER   "])
+    def test_is_read_as_http_writes_it(self, as_: As, scheme: str) -> None:
+        viewer = as_("viewer")
+        headers = {"Authorization": scheme + shown_by(viewer)}
+        assert viewer.get("/v1/jobs", headers=headers).status_code == 200
+
+    @pytest.mark.parametrize("sent", ["", "Bearer", "Basic bWU6"])
+    def test_that_is_none_is_none(self, as_: As, sent: str) -> None:
+        answer = as_("viewer").get("/v1/jobs", headers={"Authorization": sent})
+        problem(answer, 401, "no-key")
+
+    def test_lets_the_service_have_any_name(self, as_: As) -> None:
+        foreign = {"Host": "farm.example", "Origin": "https://a.example", "X-Real-IP": "10.1.2.3"}
+        assert as_("viewer").get("/v1/jobs", headers=foreign).status_code == 200
+
+    def test_answers_before_an_upload_has_come(self, http: httpx.Client, as_: As) -> None:
+        as_("viewer")
+        url = http.base_url
+        with socket.create_connection((url.host, url.port or 80), timeout=60) as fresh:
+            fresh.sendall(
+                b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Length: 2000000\r\n\r\n"
+            )
+            assert fresh.recv(65536).startswith(b"HTTP/1.1 401 ")
+
+
+class TestARole:
+    def test_of_a_viewer_is_to_look(self, as_: As, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        viewer = as_("viewer")
+        for path in ("/v1/jobs", f"/v1/jobs/{job.id}", "/v1/workers", "/v1/scenes", "/metrics"):
+            assert viewer.get(path).status_code == 200
+        assert viewer.head(f"/v1/jobs/{job.id}").status_code == 200
+        for refused in (
+            submit(viewer),
+            viewer.post(f"/v1/jobs/{job.id}/cancel"),
+            viewer.patch(f"/v1/jobs/{job.id}", json={"priority": 1}),
+            viewer.post("/v1/batches/none/cancel"),
+        ):
+            said = problem(refused, 403, "role-too-low")
+            assert (said["role"], said["needed"]) == ("viewer", "submitter")
+            assert "--role submitter" in said["detail"]
+            assert 'error="insufficient_scope"' in refused.headers["www-authenticate"]
+
+    def test_of_a_submitter_is_to_steer_its_own_jobs(self, as_: As, client: redis.Redis) -> None:
+        mine, yours = as_("submitter"), as_("submitter")
+        job = submit(mine).json()
+        assert (job["owner"], job["owner_name"]) == (id_of(mine), "a submitter")
+        path = f"/v1/jobs/{job['id']}"
+        # Everybody may look
+        assert yours.get(path).json()["owner"] == id_of(mine)
+        nobodys = StagedJob(client).id
+        for steered in (path, f"/v1/jobs/{nobodys}"):
+            for answer in (
+                yours.patch(steered, json={"priority": 1}),
+                yours.post(f"{steered}/cancel"),
+                yours.post(f"{steered}/pause"),
+                yours.post(f"{steered}/resume"),
+                yours.post(f"{steered}/continue", json={}),
+                yours.request("DELETE", f"{steered}/anything/to/come"),
+            ):
+                assert "the role admin" in problem(answer, 403, "not-your-job")["detail"]
+        assert mine.patch(path, json={"priority": 1}).status_code == 200
+        cancelled = mine.post(f"{path}/cancel").json()
+        assert cancelled["state"] == "cancelled"
+        assert cancelled["reason"] == "cancelled by a submitter"
+        problem(yours.post("/v1/jobs/0123456789ab/cancel"), 404, "unknown-job")
+
+    def test_of_an_admin_is_to_steer_them_all(self, as_: As, client: redis.Redis) -> None:
+        mine, admin = as_("submitter"), as_("admin")
+        nobodys = StagedJob(client).id
+        for job_id in (submit(mine).json()["id"], nobodys):
+            assert admin.post(f"/v1/jobs/{job_id}/cancel").status_code == 202
+            assert Jobs(client).get(job_id).state is JobState.CANCELLED
+
+    def test_makes_every_job_of_a_batch_its_own(self, as_: As, client: redis.Redis) -> None:
+        mine = as_("submitter", open_jobs=2)
+        widths = [{"width": width} for width in (16, 32, 64)]
+        scene = examples.SCENE_XML.encode()
+        said = problem(
+            submit(mine, scene, {"batch": "b", "parameters": widths}), 429, "too-many-jobs"
+        )
+        assert (said["open_jobs"], said["limit"]) == (0, 2)
+        answer = submit(mine, scene, {"batch": "b", "parameters": widths[:2]})
+        assert answer.status_code == 201, answer.text
+        jobs, _ = Jobs(client).search(batch="b")
+        assert [job.owner for job in jobs] == [id_of(mine)] * 2
+
+    def test_counts_in_a_batch_for_each_job(self, as_: As, client: redis.Redis) -> None:
+        mine, yours = as_("submitter"), as_("submitter")
+        made = [submit(one, spec={"batch": "b"}).json()["id"] for one in (mine, yours)]
+        assert mine.post("/v1/batches/b/cancel").status_code == 202
+        states = [Jobs(client).get(job_id).state for job_id in made]
+        assert states == [JobState.CANCELLED, JobState.QUEUED]
+
+
+class TestJobs:
+    def test_can_be_listed_by_their_owner(self, as_: As) -> None:
+        mine, yours = as_("submitter"), as_("submitter")
+        made = [submit(one).json()["id"] for one in (mine, yours, mine)]
+        found = yours.get("/v1/jobs", params={"owner": id_of(mine)}).json()["jobs"]
+        assert [job["id"] for job in found] == [made[2], made[0]]
+        some = yours.get(
+            "/v1/jobs", params={"owner": id_of(mine), "state": "queued", "limit": 1}
+        ).json()
+        assert [job["id"] for job in some["jobs"]] == [made[2]]
+        problem(yours.get("/v1/jobs", params={"owner": "me"}), 422, "invalid-request")
+
+    def test_may_be_so_many_at_once(self, as_: As) -> None:
+        mine = as_("submitter", open_jobs=1)
+        first = submit(mine).json()["id"]
+        said = problem(submit(mine), 429, "too-many-jobs")
+        assert (said["open_jobs"], said["limit"]) == (1, 1)
+        mine.post(f"/v1/jobs/{first}/cancel")
+        assert submit(mine).status_code == 201
+
+    def test_may_be_so_large(self, as_: As) -> None:
+        mine = as_("submitter", upload_bytes=1000)
+        # Beside the scene a form may have 2 MiB: no limit of a key is missed by that
+        answer = submit(mine, b"\0" * (2**21 + 2000))
+        assert (
+            "the limit of the key 'a submitter'"
+            in (problem(answer, 413, "upload-too-large")["detail"])
+        )
+        assert submit(mine).status_code == 201
+
+
+class TestScenes:
+    def test_of_a_key_have_room_for_so_many_bytes(self, as_: As) -> None:
+        mine, other = as_("submitter", scenes_bytes=len(BOX) + 10), as_("submitter")
+        # Given a key that has stored as much as it may
+        assert submit(mine).status_code == 201
+        # When it sends another scene, that is refused
+        more = BOX + b"<!-- another -->"
+        said = problem(submit(mine, more), 403, "too-many-scenes")
+        assert (said["stored_bytes"], said["limit_bytes"]) == (len(BOX), len(BOX) + 10)
+        # And what is stored it may submit as often as it likes, also what another key has sent
+        assert submit(mine).status_code == 201
+        assert submit(other, more).status_code == 201
+        assert submit(mine, more).status_code == 201
+
+
+class TestRequests:
+    def test_are_so_many_a_minute(self, as_: As) -> None:
+        eager = as_("viewer", requests_per_minute=30, burst=3)
+        refused = eager.get("/v1/workers")
+        while refused.status_code == 200:  # as one comes back every two seconds, not for long
+            refused = eager.get("/v1/workers")
+        said = problem(refused, 429, "too-many-requests")
+        assert "30 requests a minute, and 3 at once" in said["detail"]
+        wait_s = int(refused.headers["retry-after"])
+        assert wait_s in (1, 2)
+        time.sleep(wait_s)
+        assert eager.get("/v1/workers").status_code == 200
+        # Nobody else is kept waiting
+        assert as_("viewer").get("/v1/workers").status_code == 200
+
+    def test_with_a_forged_key_cost_the_real_one_nothing(self, as_: As, http: httpx.Client) -> None:
+        mine = as_("viewer", requests_per_minute=1, burst=1)
+        forged = {"Authorization": f"Bearer plateau_{id_of(mine)}_{'0' * 64}"}
+        for _ in range(5):
+            problem(http.get("/v1/workers", headers=forged), 401, "bad-key")
+        assert mine.get("/v1/workers").status_code == 200
+
+
+class TestWithoutRedis:
+    def test_it_answers_503_never_401(self, redis_url: str, api_store: Blobs) -> None:
+        away = "unix:///nowhere/redis.sock"
+        for access in (Access.UNTIL_KEYS, Access.KEYS):
+            with (
+                live_api(away, api_store, access=access) as url,
+                httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
+            ):
+                for headers in ({}, {"Authorization": f"Bearer plateau_{'0' * 12}_{'0' * 64}"}):
+                    for answer in (
+                        http.get("/v1/jobs", headers=headers),
+                        submit(http, headers=headers),
+                    ):
+                        problem(answer, 503, "store-unavailable")
+                        assert int(answer.headers["retry-after"]) > 0
+                assert http.get("/healthz").status_code == 200
+
+    def test_metrics_go_on_for_a_key_that_was_good(
+        self,
+        embedded_redis: object,
+        redis_url: str,
+        api_store: Blobs,
+        keys: ApiKeys,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        # The API itself has to lose patience
+        monkeypatch.setattr("plateau.farm.redis.link.SOCKET_TIMEOUT_S", 600)
+        _, shown = keys.create("prometheus", Role.VIEWER, PLENTY)
+        good = {"Authorization": f"Bearer {shown}"}
+        bad = {"Authorization": f"Bearer {shown[:-64]}{'0' * 64}"}
+        path = redis_url.removeprefix("unix://").partition("?")[0]
+        with (
+            RedisProxy(Path(path)) as proxy,
+            live_api(proxy.url, api_store) as url,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
+        ):
+            assert http.get("/metrics", headers=good).status_code == 200
+            proxy.fail("silent")
+            assert 'plateau_up{part="redis"} 0' in http.get("/metrics", headers=good).text
+            problem(http.get("/metrics", headers=bad), 503, "store-unavailable")
+            proxy.heal()

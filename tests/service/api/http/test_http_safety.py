@@ -1,0 +1,276 @@
+"""What a browser may do with an answer, who may ask, and where a request ends."""
+
+import re
+import socket
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.process.addresses import is_loopback
+from plateau.farm.redis import keys
+from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.farms.staged_job import StagedJob
+
+
+def exchange(http: httpx.Client, sent: bytes) -> bytes:
+    """What is answered to these bytes until the connection is closed."""
+    url = urlsplit(str(http.base_url))
+    with socket.create_connection((url.hostname, url.port), timeout=30) as connection:
+        connection.sendall(sent)
+        answered = b""
+        while more := connection.recv(65_536):
+            answered += more
+    return answered
+
+
+def parsed(answered: bytes) -> httpx.Response:
+    """The first of the answers."""
+    head, _, body = answered.partition(b"\r\n\r\n")
+    status, *lines = head.decode().split("\r\n")
+    headers = [tuple(line.split(": ", 1)) for line in lines]
+    return httpx.Response(int(status.split()[1]), headers=headers, content=body)
+
+
+def malformed(answered: bytes) -> httpx.Response:
+    """The one answer to these bytes: a problem."""
+    answer = parsed(answered)
+    assert answer.status_code == 400
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["type"] == "/problems/malformed-request"
+    assert len(re.findall(rb"HTTP/1\.1 \d", answered)) == 1
+    return answer
+
+
+def assert_safe(answer: httpx.Response) -> None:
+    """Both headers once each: a list of two is no policy to a browser."""
+    name = f"{answer.status_code} {answer.headers}"
+    assert answer.headers.get_list("x-content-type-options") == ["nosniff"], name
+    assert answer.headers.get_list("cross-origin-resource-policy") == ["same-origin"], name
+
+
+class TestEveryAnswer:
+    """No browser takes it for what it is not, nor gives it to a page of another site."""
+
+    @pytest.mark.parametrize(
+        ("method", "path", "status"),
+        [
+            ("GET", "/", 200),
+            ("GET", "/page/main.js", 200),
+            ("GET", "/docs", 200),
+            ("GET", "/openapi.json", 200),
+            ("GET", "/healthz", 200),
+            ("HEAD", "/healthz", 200),
+            ("GET", "/metrics", 200),
+            ("GET", "/v1/jobs", 200),
+            ("GET", "/v1/nothing", 404),
+            ("DELETE", "/v1/jobs", 405),
+            ("POST", "/v1/jobs", 422),
+            ("GET", "/v1/jobs?limit=0", 422),
+        ],
+    )
+    def test_of_the_app_says_so(
+        self, http: httpx.Client, method: str, path: str, status: int
+    ) -> None:
+        answer = http.request(method, path)
+        assert answer.status_code == status
+        assert_safe(answer)
+
+    def test_of_a_job_says_so(
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.picture(api_store, "image.png", b"picture")
+        job.end()
+        job.finish()
+        root = f"/v1/jobs/{job.id}"
+        for path in ("image.png", "curve.csv", "report.html", "events"):
+            answer = http.get(f"{root}/{path}")
+            assert answer.status_code == 200, path
+            assert_safe(answer)
+
+    @pytest.mark.parametrize("path", ["/page/shared/style.css", "/v1/jobs/{job}/curve"])
+    def test_that_nothing_has_changed_says_so(
+        self, http: httpx.Client, client: redis.Redis, path: str
+    ) -> None:
+        path = path.format(job=StagedJob(client).id)
+        unchanged = http.get(path, headers={"If-None-Match": http.get(path).headers["etag"]})
+        assert unchanged.status_code == 304
+        assert_safe(unchanged)
+
+    def test_that_refuses_a_caller_says_so(self, http: httpx.Client, client: redis.Redis) -> None:
+        assert_safe(http.get("/v1/jobs", headers={"Host": "evil.example"}))
+        limits = KeyLimits(requests_per_minute=1, burst=1, upload_bytes=None, open_jobs=None)
+        key = ApiKeys(client).create("a viewer", Role.VIEWER, limits)[1]
+        for expected in (200, 429):
+            answer = http.get("/v1/jobs", headers={"Authorization": f"Bearer {key}"})
+            assert answer.status_code == expected
+            assert_safe(answer)
+        assert_safe(http.get("/v1/jobs"))  # 401
+
+    def test_to_an_unexpected_error_says_so(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        client.xadd(keys.job(job.id, "curve"), {"point": "no JSON"})
+        answer = http.get(f"/v1/jobs/{job.id}/curve", headers={"Connection": "close"})
+        problem(answer, 500, "internal-error")
+        assert_safe(answer)
+
+    @pytest.mark.parametrize(
+        "sent",
+        [
+            b"nonsense\r\n\r\n",
+            b"GET /v1/jobs HTTP/1.1\r\n\r\n",  # no Host
+            b"GET /v1/jobs HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n",
+            b"GET /v1/jobs HTTP/1.1\r\nHost: localhost\r\nX: " + b"x" * 70_000,
+        ],
+        ids=["no HTTP", "no Host", "two hosts", "a long head"],
+    )
+    def test_of_the_server_itself_is_a_problem_and_says_so(
+        self, http: httpx.Client, sent: bytes
+    ) -> None:
+        assert_safe(malformed(exchange(http, sent)))
+
+
+class TestALength:
+    """Where a request ends is said once, so that a proxy in front cannot think otherwise."""
+
+    HIDDEN = b"GET /v1/jobs/hidden HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+    @pytest.mark.parametrize("path", [b"/v1/jobs", b"/", b"/healthz"])
+    @pytest.mark.parametrize("length", [b"4", b"5", b"0"])
+    def test_that_is_said_twice_is_refused_and_nothing_behind_it_is_heard(
+        self, http: httpx.Client, path: bytes, length: bytes
+    ) -> None:
+        answered = exchange(
+            http,
+            b"POST " + path + b" HTTP/1.1\r\nHost: localhost\r\nContent-Length: " + length
+            + b"\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + self.HIDDEN,
+        )  # fmt: skip
+        assert_safe(malformed(answered))
+
+    @pytest.mark.parametrize(
+        "framing",
+        [
+            b"Content-Length: 5\r\nContent-Length: 6",
+            b"Content-Length: 5, 6",
+            b"Content-Length: +5",
+            b"Content-Length: 0x5",
+            b"Transfer-Encoding: chunked\r\nTransfer-Encoding: identity",
+            b"Transfer-Encoding: xchunked",
+            b"Transfer-Encoding : chunked",
+        ],
+    )
+    def test_that_is_not_plain_is_refused(self, http: httpx.Client, framing: bytes) -> None:
+        answered = exchange(
+            http,
+            b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\n" + framing + b"\r\n\r\n" + self.HIDDEN,
+        )
+        malformed(answered)
+
+    def test_in_chunks_is_none_of_http_1_0(self, http: httpx.Client) -> None:
+        answered = exchange(
+            http,
+            b"POST /v1/jobs HTTP/1.0\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n"
+            b"0\r\n\r\n",
+        )
+        malformed(answered)
+
+    def test_in_chunks_alone_is_taken(self, http: httpx.Client, client: redis.Redis) -> None:
+        path = f"/v1/jobs/{StagedJob(client).id}"
+        body = iter([b'{"prio', b'rity": 3}'])
+        answer = http.patch(path, content=body, headers={"Content-Type": "application/json"})
+        assert answer.json()["spec"]["priority"] == 3
+
+    def test_that_turns_out_wrong_in_the_middle_ends_the_connection_alone(
+        self, http: httpx.Client
+    ) -> None:
+        answered = exchange(
+            http,
+            b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n"
+            b"no length\r\n",
+        )
+        malformed(answered)
+        assert http.get("/healthz").status_code == 200
+
+
+class TestPagesOfOthers:
+    """What a browser does for a page of another site, to an API that wants no keys."""
+
+    @pytest.mark.parametrize("site", ["cross-site", "same-site", "Cross-Site", "new-site"])
+    def test_neither_read_nor_change_anything(self, http: httpx.Client, site: str) -> None:
+        headers = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}
+        for answer in (
+            http.get("/v1/jobs", headers=headers),
+            http.get("/metrics", headers=headers),
+            http.head("/v1/jobs", headers=headers),
+            submit(http, headers=headers),
+        ):
+            assert answer.status_code == 403
+        said = problem(http.get("/v1/jobs", headers=headers), 403, "foreign-origin")
+        assert "enter its address yourself" in said["detail"]
+        assert http.get("/v1/jobs").json()["jobs"] == []
+
+    @pytest.mark.parametrize("site", ["none", "same-origin"])
+    def test_are_told_from_the_user_s_own_requests(self, http: httpx.Client, site: str) -> None:
+        assert http.get("/v1/jobs", headers={"Sec-Fetch-Site": site}).status_code == 200
+        assert submit(http, headers={"Sec-Fetch-Site": site}).status_code == 201
+
+    @pytest.mark.parametrize("path", ["/", "/jobs/0123456789ab", "/submit", "/docs"])
+    def test_may_link_to_the_web_page(self, http: httpx.Client, path: str) -> None:
+        headers = {
+            "Sec-Fetch-Site": "cross-site",
+            "Sec-Fetch-Mode": "navigate",
+            "Sec-Fetch-Dest": "document",
+        }
+        assert http.get(path, headers=headers).status_code == 200
+
+    def test_have_no_key_so_one_who_brings_it_is_let_in(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        limits = KeyLimits(requests_per_minute=60, burst=9, upload_bytes=None, open_jobs=None)
+        key = ApiKeys(client).create("a viewer", Role.VIEWER, limits)[1]
+        headers = {"Sec-Fetch-Site": "cross-site", "Authorization": f"Bearer {key}"}
+        assert http.get("/v1/jobs", headers=headers).status_code == 200
+
+
+class TestAHost:
+    """A name is this machine's as a whole, or not at all."""
+
+    @pytest.mark.parametrize(
+        "host",
+        [
+            "localhost.evil.example",
+            "evil-localhost",
+            "evil.localhost",
+            "localhost.",
+            "evil.example@localhost",
+            "localhost:80@evil.example",
+            "localhost/evil.example",
+            "localhost?evil.example",
+            "localhost#evil.example",
+            "localhost:evil.example",
+            "localhost:",
+            "127.0.0.1.evil.example",
+            "127.0.0.1:80.evil.example",
+            "[::1].evil.example",
+            "[::1%25evil.example]",
+            "[127.0.0.1]",
+            "[localhost]",
+            "localhost, evil.example",
+            "0.0.0.0",
+        ],
+    )
+    def test_that_only_begins_or_ends_so_is_another(self, http: httpx.Client, host: str) -> None:
+        problem(http.get("/v1/jobs", headers={"Host": host}), 403, "foreign-host")
+
+    @pytest.mark.parametrize("host", ["localhost", "LocalHost:9000", "127.0.0.1:1", "[::1]:8713"])
+    def test_may_have_any_port_and_case(self, http: httpx.Client, host: str) -> None:
+        assert http.get("/v1/jobs", headers={"Host": host}).status_code == 200
+
+    @pytest.mark.parametrize("host", ["[[::1]]", "[127.0.0.1]", "[::1", "::1]", "localhost."])
+    def test_to_listen_on_is_looked_at_as_a_whole_too(self, host: str) -> None:
+        assert not is_loopback(host)

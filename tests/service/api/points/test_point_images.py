@@ -1,0 +1,257 @@
+"""The image of any point of the curve, made again from kept slices: true, and at a bounded cost."""
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.channels import Channels
+from plateau.farm.images.exr import Pixels, decode_image, encode_image
+from plateau.farm.model.job import Job
+from plateau.service.api.points import KeptSlice, SliceLost
+from plateau.service.api.points import images as point_images
+from plateau.service.api.points import sums as point_sums
+from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
+from plateau.service.api.points.sums import PointSums
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.until import until
+
+SLICES = 6
+
+
+def plain(image: Pixels, _: object) -> bytes:
+    return image.tobytes()
+
+
+async def stays() -> bool:
+    return False
+
+
+class CountingBlobs(Blobs):
+    """A store that counts how often it is read, and can be made to wait."""
+
+    def __init__(self, where: str) -> None:
+        super().__init__(where)
+        self.read = 0
+        self.may_go_on = threading.Event()
+        self.may_go_on.set()
+
+    def get(self, name: str) -> bytes:
+        if name.startswith(blobs.JOBS):
+            assert self.may_go_on.wait(30)
+            self.read += 1
+        return super().get(name)
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+@pytest.fixture
+def job(farm: NoiseFarm) -> Job:
+    """A job that has kept its six slices, a point each."""
+    cap = SLICES * 25
+    rule = {"name": "fixed", "spp": cap}
+    job = farm.submit(step=25, max_spp=cap, rule=rule, keep_slices=True)
+    with farm.monitor():
+        farm.render(SLICES)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    return farm.jobs.get(job.id)
+
+
+@pytest.fixture
+def http(farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
+    with (
+        live_api(redis_url, farm.store) as url,
+        httpx.Client(base_url=url, trust_env=False, timeout=30) as http,
+    ):
+        yield http
+
+
+class TestOverHttp:
+    def test_every_point_has_one(self, job: Job, http: httpx.Client) -> None:
+        listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
+        assert [one["spp"] for one in listed] == [25, 50, 75, 100, 125, 150]
+        for one in listed:
+            for path, kind in ((one["link"], "image/png"), (one["linear"], "image/x-exr")):
+                answer = http.get(path)
+                assert answer.status_code == 200
+                assert answer.headers["content-type"] == kind
+                assert answer.headers["plateau-spp"] == str(one["spp"])
+                assert answer.headers["cache-control"] == "private, max-age=86400"
+                tag = {"If-None-Match": answer.headers["etag"]}
+                assert http.get(path, headers=tag).status_code == 304
+                assert http.head(path).headers["etag"] == answer.headers["etag"]
+
+    def test_is_to_the_bit_what_was_judged(
+        self, job: Job, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        root = f"/v1/jobs/{job.id}"
+        # The last point's is the job's image, and a kept picture's is that picture
+        linear = decode_image(http.get(f"{root}/previews/150.exr").content)
+        assert np.array_equal(linear, decode_image(farm.picture(job, "image.exr")))
+        assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
+        kept = farm.store.get(blobs.preview(job.id, 25))
+        farm.store.delete(blobs.preview(job.id, 25))
+        assert http.get(f"{root}/previews/25.png").content == kept
+        # Noise falls with samples, whichever was asked for first
+        spread = [
+            decode_image(http.get(f"{root}/previews/{spp}.exr").content)[:, 0].std()
+            for spp in (125, 25)
+        ]
+        assert spread[1] / spread[0] == pytest.approx(5**0.5, rel=0.35)
+
+    @pytest.mark.parametrize("spp", [30, 175, 1_000_000])
+    def test_what_is_no_point_has_none(self, job: Job, http: httpx.Client, spp: int) -> None:
+        for kind in ("png", "exr"):
+            answer = http.get(f"/v1/jobs/{job.id}/previews/{spp}.{kind}")
+            assert answer.status_code == 404
+            assert answer.json()["type"] == "/problems/unknown-point"
+            assert "25 spp apart, up to 150" in answer.json()["detail"]
+
+    def test_a_lost_or_spoiled_slice_is_said(
+        self, job: Job, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        second = farm.jobs.ledger(job.id)[1]["blob"]
+
+        def refused() -> str:
+            answer = http.get(f"/v1/jobs/{job.id}/previews/50.exr")
+            assert answer.status_code == 409
+            return str(answer.json()["detail"])
+
+        farm.store.put(second, farm.store.get(second)[:-1] + b"?")
+        assert "slice 1 is damaged" in refused()
+        farm.store.delete(second)
+        assert "slice 1 is gone" in refused()
+        assert http.get(f"/v1/jobs/{job.id}/previews/25.exr").status_code == 200
+
+    def test_films_that_are_too_large_are_left_alone(
+        self, job: Job, http: httpx.Client, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("plateau.service.api.routes.previews.MOST_PIXELS", 32 * 24 - 1)
+        listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
+        assert {one["linear"] for one in listed} == {None}
+        answer = http.get(f"/v1/jobs/{job.id}/previews/50.exr")
+        assert answer.status_code == 409
+        assert "767 pixels" in answer.json()["detail"]
+
+
+class TestItsCost:
+    """How often slices are read, and who waits for whom."""
+
+    @pytest.fixture
+    def store(self, farm: NoiseFarm) -> CountingBlobs:
+        return CountingBlobs(farm.store.where)
+
+    @pytest.fixture
+    def slices(self, farm: NoiseFarm, job: Job) -> list[KeptSlice]:
+        ledger = farm.jobs.ledger(job.id).values()
+        return [KeptSlice(record["blob"], record["sha256"]) for record in ledger]
+
+    def test_later_points_go_on_from_earlier_ones(
+        self, store: CountingBlobs, slices: list[KeptSlice]
+    ) -> None:
+        images = PointImages(store)
+        answers = []
+        for count, read in ((3, 3), (3, 3), (5, 5), (4, 6), (6, 7)):
+            found = asyncio.run(images.encoded("job", slices[:count], plain, stays))
+            assert store.read == read
+            answers.append(found)
+        # And none of them is changed by what came later
+        assert answers[0] == answers[1]
+        fresh = PointImages(store)
+        for count, found in zip((3, 5, 4, 6), answers[1:], strict=True):
+            assert asyncio.run(fresh.encoded(f"{count}", slices[:count], plain, stays)) == found
+        # Another job's slices are its own
+        before = store.read
+        asyncio.run(images.encoded("other", slices[:2], plain, stays))
+        assert store.read == before + 2
+        images.close()
+        fresh.close()
+
+    def test_what_is_remembered_is_bounded(
+        self,
+        store: CountingBlobs,
+        slices: list[KeptSlice],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setattr(point_sums, "_REMEMBERED", 2 * 24 * 32 * 4 * 8)
+        sums = PointSums(store)
+        for job in ("a", "b", "c"):
+            sums.image(job, slices, is_given_up=lambda: False)
+        assert list(sums._sums) == [("b", SLICES), ("c", SLICES)]
+
+    def test_nobody_is_worked_for_who_has_gone(
+        self, store: CountingBlobs, slices: list[KeptSlice]
+    ) -> None:
+        async def leaves() -> bool:
+            store.may_go_on.set()
+            return True
+
+        images = PointImages(store)
+        store.may_go_on.clear()
+        assert asyncio.run(images.encoded("job", slices, plain, leaves)) is None
+        images._worker.submit(int).result(30)
+        assert store.read < SLICES
+        images.close()
+
+    def test_few_may_wait(self, store: CountingBlobs, slices: list[KeptSlice]) -> None:
+        images = PointImages(store)
+        store.may_go_on.clear()
+
+        async def all_at_once() -> list[bytes | BaseException | None]:
+            asked = [
+                asyncio.ensure_future(images.encoded("job", slices, plain, stays))
+                for _ in range(MOST_WAITING + 2)
+            ]
+            await asyncio.wait(asked, return_when=asyncio.FIRST_COMPLETED)
+            store.may_go_on.set()
+            return await asyncio.gather(*asked, return_exceptions=True)
+
+        answers = asyncio.run(all_at_once())
+        refused = [one for one in answers if isinstance(one, TooManyWait)]
+        assert len(refused) == 2
+        assert store.read == SLICES  # the first one's sum was everybody's
+        images.close()
+
+    def test_they_are_refused_in_words(
+        self,
+        job: Job,
+        http: httpx.Client,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setattr(point_images, "MOST_WAITING", 0)
+        answer = http.get(f"/v1/jobs/{job.id}/previews/100.exr")
+        assert answer.status_code == 503
+        assert answer.json()["type"] == "/problems/busy"
+        assert answer.headers["retry-after"] == "5"
+
+    def test_a_slice_of_another_size_is_refused(
+        self, store: CountingBlobs, slices: list[KeptSlice]
+    ) -> None:
+        sums = PointSums(store)
+        sums.image("job", slices[:1], is_given_up=lambda: False)
+        sums._sums["job", 1] = point_sums.Sum(Channels(), np.zeros((2, 2, 4)))
+        with pytest.raises(SliceLost, match="another size"):
+            sums.image("job", slices[:2], is_given_up=lambda: False)
+
+
+def test_many_clients_at_once_all_get_theirs(job: Job, http: httpx.Client) -> None:
+    spps = [25, 50, 75, 100, 125, 150]
+    with ThreadPoolExecutor(len(spps)) as clients:
+        found = list(
+            clients.map(lambda spp: http.get(f"/v1/jobs/{job.id}/previews/{spp}.exr"), spps)
+        )
+    assert [int(answer.headers["plateau-spp"]) for answer in found] == spps
+    images = [decode_image(answer.content) for answer in found]
+    assert len({encode_image(image) for image in images}) == len(spps)

@@ -1,0 +1,396 @@
+"""Batches over HTTP: many jobs by one request, summed up, guarded, steered."""
+
+import json
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.batch_views import batch_path
+from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import scene
+
+#: A scene whose film is as wide as a parameter says.
+WIDE = scene(
+    sensor='<sensor type="perspective"><film type="hdrfilm">'
+    '<integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor>'
+)
+NAMES = ["shot/010", "a/../b", "50 %41", "50 %2F", "夜景", "a?b#c", "~", "x" * 100]
+
+
+def frames(*widths: object, **spec: Any) -> dict[str, Any]:
+    return {"parameters": [{"w": width} for width in widths], **spec}
+
+
+def listed(http: httpx.Client, **asked: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = http.get("/v1/jobs", params=asked).json()["jobs"]
+    return found
+
+
+class TestAListOfParameters:
+    def test_makes_a_job_for_each_entry_and_stores_the_scene_once(
+        self, http: httpx.Client, api_store: Blobs
+    ) -> None:
+        answer = submit(http, WIDE, frames(16, 17, 18, batch="widths", priority=2))
+        assert answer.status_code == 201, answer.text
+        batch = answer.json()
+        assert answer.headers["location"] == "/v1/batches/widths" == batch["links"]["self"]
+        assert http.get(answer.headers["location"]).json()["job_ids"] == batch["job_ids"]
+        made = listed(http, batch="widths")[::-1]
+        assert [job["id"] for job in made] == batch["job_ids"]
+        assert [job["spec"]["parameters"]["w"] for job in made] == [16, 17, 18]
+        assert {job["spec"]["priority"] for job in made} == {2}
+        assert len({job["scene_sha256"] for job in made}) == 1
+        assert len(http.get("/v1/scenes").json()["scenes"]) == 1
+
+    def test_gets_a_name_where_it_has_none(self, http: httpx.Client) -> None:
+        first, second = (
+            submit(http, WIDE, frames(16), filename="walk.v2.xml").json()["name"] for _ in "ab"
+        )
+        assert first.startswith("walk.v2-")
+        assert first != second
+        assert listed(http, batch=first)[0]["spec"]["batch"] == first
+
+    def test_names_a_stored_scene_too(self, http: httpx.Client) -> None:
+        sha256 = submit(http, WIDE, {"parameters": {"w": 16}}).json()["scene_sha256"]
+        answer = submit(http, None, frames(16, 17), scene_sha256=sha256)
+        assert answer.json()["jobs"] == 2
+
+    def test_with_one_entry_is_a_batch_of_one(self, http: httpx.Client) -> None:
+        assert submit(http, WIDE, frames(16)).json()["jobs"] == 1
+
+    def test_is_made_once_for_a_key(self, http: httpx.Client) -> None:
+        key = {"Idempotency-Key": "frames-1"}
+        first = submit(http, WIDE, frames(16, 17), headers=key)
+        again = submit(http, WIDE, frames(16, 17), headers=key)
+        assert "idempotency-replayed" not in first.headers
+        assert again.headers["idempotency-replayed"] == "true"
+        assert again.status_code == 201
+        assert again.json()["job_ids"] == first.json()["job_ids"]
+        assert again.headers["location"] == first.headers["location"]
+        assert len(listed(http)) == 2
+        problem(submit(http, WIDE, frames(16), headers=key), 422, "idempotency-key-reused")
+
+    @pytest.mark.parametrize(
+        ("widths", "slug", "field"),
+        [
+            ((16, 0, 17), "broken-scene", "spec.parameters.1"),
+            ((16, 17, []), "invalid-spec", "spec.parameters.2.w"),
+            ((16, 10_000_000), "broken-scene", "spec.parameters.1"),
+        ],
+    )
+    def test_is_refused_as_a_whole_by_the_entry_that_is_wrong(
+        self, http: httpx.Client, widths: tuple[Any, ...], slug: str, field: str
+    ) -> None:
+        found = problem(submit(http, WIDE, frames(*widths)), 422, slug)
+        assert field in found["detail"]
+        assert found["errors"][0]["field"] == field
+        assert listed(http) == []
+        assert http.get("/v1/scenes").json()["scenes"] == []
+        assert http.get("/v1/batches").json()["batches"] == []
+
+    @pytest.mark.parametrize(
+        ("spec", "field"),
+        [
+            ({"parameters": []}, "spec.parameters"),
+            ({"parameters": [{}] * 1001}, "spec.parameters"),
+            ({"parameters": [1]}, "spec.parameters.0"),
+            ({"parameters": [{}], "step": 0}, "spec.step"),
+            ({"parameters": [{}], "rule": {"name": "fixed", "spp": 0}}, "spec.rule.spp"),
+            ({"parameters": [{}], "frames": 3}, "spec.frames"),
+            ({"parameters": [{}], "min_spp": 20_000}, "spec"),
+            ({"min_spp": 0}, "spec.min_spp"),
+            ({"flicker_guard": True}, "spec"),
+            ({"batch": ""}, "spec.batch"),
+            ({"batch": "x" * 101}, "spec.batch"),
+            ({"batch": ".."}, "spec.batch"),
+            ({"batch": "two\nlines"}, "spec.batch"),
+            ({"parameters": [{}], "batch": "a\x00b"}, "spec.batch"),
+        ],
+    )
+    def test_is_refused_by_the_field_that_is_wrong(
+        self, http: httpx.Client, spec: dict[str, Any], field: str
+    ) -> None:
+        found = problem(submit(http, spec=spec), 422, "invalid-spec")
+        assert field in {one["field"] for one in found["errors"]}
+        assert listed(http) == []
+
+    def test_with_a_thousand_mistakes_names_some_of_them(self, http: httpx.Client) -> None:
+        found = problem(submit(http, WIDE, frames(*[None] * 1000)), 422, "invalid-spec")
+        assert 10 <= len(found["errors"]) <= 50
+
+    def test_counts_each_of_its_jobs_for_its_key(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=3)
+        _, shown = ApiKeys(client).create("mine", Role.SUBMITTER, limits)
+        mine = {"Authorization": f"Bearer {shown}"}
+        found = problem(
+            submit(http, WIDE, frames(*range(16, 20)), headers=mine), 429, "too-many-jobs"
+        )
+        assert found["limit"] == 3
+        assert Jobs(client).search() == ([], None)
+        made = submit(http, WIDE, frames(*range(16, 19)), headers=mine)
+        assert made.json()["jobs"] == 3
+        owners = {job.owner for job in Jobs(client).search()[0]}
+        assert owners == {shown.split("_")[1]}
+
+
+class TestABatchByItsName:
+    @pytest.mark.parametrize("name", NAMES)
+    def test_is_found_whatever_is_in_it(self, http: httpx.Client, name: str) -> None:
+        made = submit(http, WIDE, frames(16, batch=name)).json()
+        submit(http, WIDE, frames(16, batch="other"))
+        assert made["name"] == name
+        links = made["links"]
+        assert links["self"] == batch_path(name) == f"/v1/batches/{quote(name, safe='')}"
+        assert http.get(links["self"]).json()["name"] == name
+        assert http.head(links["self"]).status_code == 200
+        assert [job["id"] for job in http.get(links["jobs"]).json()["jobs"]] == made["job_ids"]
+        for steer, state in (("pause", "queued"), ("resume", "queued"), ("cancel", "cancelled")):
+            answer = http.post(links[steer])
+            assert (answer.status_code, answer.json()["name"]) == (202, name)
+            assert [one["state"] for one in answer.json()["jobs"]] == [state]
+        names = [one["name"] for one in http.get("/v1/batches").json()["batches"]]
+        assert names == ["other", name]
+
+    @pytest.mark.parametrize("what", ["", "/cancel", "/pause", "/resume"])
+    def test_is_said_not_to_be_there(self, http: httpx.Client, what: str) -> None:
+        answer = http.request("POST" if what else "GET", f"/v1/batches/no%2Fne{what}")
+        assert answer.status_code == 404
+        assert answer.json()["type"] == "/problems/unknown-batch"
+        assert "'no/ne'" in answer.json()["detail"]
+
+    def test_is_one_segment_of_the_path(self, http: httpx.Client) -> None:
+        submit(http, WIDE, frames(16, batch="a/b"))
+        assert http.get("/v1/batches/a/b").json()["type"] == "/problems/unknown-path"
+        refused = http.put("/v1/batches/a%2Fb")
+        assert (refused.status_code, refused.headers["allow"]) == (405, "DELETE, GET, HEAD")
+
+
+class TestListing:
+    def test_shows_the_newest_first_in_pages(self, http: httpx.Client) -> None:
+        for name in "abcd":
+            submit(http, WIDE, frames(16, 17, batch=name))
+        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "b"})
+        seen: list[tuple[str, int]] = []
+        cursor: dict[str, str] = {}
+        while True:
+            page = http.get("/v1/batches", params={"limit": "3", **cursor}).json()
+            seen += [(one["name"], one["jobs"]) for one in page["batches"]]
+            if page["next_cursor"] is None:
+                break
+            cursor = {"cursor": page["next_cursor"]}
+        assert seen == [("b", 3), ("d", 2), ("c", 2), ("a", 2)]
+        assert page["batches"][0]["states"] == {"queued": 2}
+
+    def test_refuses_a_filter_that_it_does_not_have(self, http: httpx.Client) -> None:
+        problem(http.get("/v1/batches", params={"state": "queued"}), 422, "invalid-request")
+
+
+class TestASummary:
+    def test_tells_how_far_it_is(self, http: httpx.Client, client: redis.Redis) -> None:
+        batch = submit(http, WIDE, frames(32, 32, 32, batch="b", max_spp=1000)).json()
+        done, rendering, _ = batch["job_ids"]
+        staged = StagedJob(client, done)
+        staged.commit(8)
+        staged.point(200, 3)
+        staged.end()
+        staged.finish(200)
+        staged = StagedJob(client, rendering)
+        staged.commit(4)
+        staged.point(100, 3)
+        found = http.get(batch["links"]["self"]).json()
+        assert found["states"] == {"converged": 1, "rendering": 1, "queued": 1}
+        assert (found["finished"], found["ended_at"]) == (1, None)
+        assert found["spp"] == {"least": 0, "most": 200, "mean": 100}
+        assert found["estimate_fraction"]["least"] == pytest.approx(0.1 / 200)
+        assert found["machine_s"] == pytest.approx(6)
+        assert found["samples_saved"] == 800 * 32 * 24
+        assert found["guard"]["even"] is True
+        assert found["guard"]["spp"] == {"least": 200, "most": 200, "mean": 200}
+
+    def test_names_who_stops_otherwise(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(16, 17, batch="b")).json()
+        other = {"parameters": {"w": 16}, "batch": "b", "rule": {"name": "visible", "target": 0.01}}
+        odd = submit(http, WIDE, other).json()["id"]
+        guard = http.get(batch["links"]["self"]).json()["guard"]
+        assert (guard["guarded"], guard["even"]) == (False, False)
+        assert guard["differs"] == [
+            {"job": odd, "field": "rule.target", "value": 0.01, "others": 0.0002}
+        ]
+
+
+class TestAGuardedBatch:
+    def test_refuses_a_job_that_would_stop_otherwise(self, http: httpx.Client) -> None:
+        guarded = {"batch": "walk", "flicker_guard": True}
+        batch = submit(http, WIDE, frames(16, 17, min_spp=300, **guarded)).json()
+        assert batch["guard"]["guarded"] is True
+        assert batch["guard"]["min_spp"] == 300
+        # If a frame is rendered again as the others were
+        again = {"parameters": {"w": 17}, "batch": "walk", "min_spp": 300}
+        assert submit(http, WIDE, again).status_code == 201
+        # But not otherwise, alone or with others
+        for spec in (
+            {"parameters": {"w": 17}, "batch": "walk", "min_spp": 100, "view": {"exposure_ev": 2}},
+            frames(16, 17, batch="walk", min_spp=100, view={"exposure_ev": 2}),
+        ):
+            found = problem(submit(http, WIDE, spec), 409, "uneven-batch")
+            assert found["batch"] == "walk"
+            assert found["differs"] == [
+                {"field": "spec.min_spp", "value": 100, "others": 300},
+                {"field": "spec.view.exposure_ev", "value": 2.0, "others": 0.0},
+            ]
+        assert len(listed(http, batch="walk")) == 3
+
+    def test_can_be_guarded_afterwards(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
+        for _ in range(2):
+            answer = http.post(batch["links"]["guard"])
+            assert answer.status_code == 202
+            assert answer.json()["guard"]["guarded"] is True
+        other = {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100}
+        problem(submit(http, WIDE, other), 409, "uneven-batch")
+        denoised = {"parameters": {"w": 16}, "batch": "walk", "denoise": {"name": "oidn"}}
+        found = problem(submit(http, WIDE, denoised), 409, "uneven-batch")
+        assert "denoise.name" in found["detail"]
+        problem(http.post("/v1/batches/none/guard"), 404, "unknown-batch")
+
+    def test_cannot_be_made_of_jobs_that_stop_otherwise(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
+        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100})
+        found = problem(http.post(batch["links"]["guard"]), 409, "uneven-batch")
+        assert found["detail"] == (
+            "batch 'walk' cannot be guarded against flicker, since its jobs do not stop alike; see "
+            f"job {found['job_id']}: min_spp is 100 in its newest job, and not set there"
+        )
+        assert found["job_id"] in batch["job_ids"]
+        assert http.get(batch["links"]["self"]).json()["guard"]["guarded"] is False
+
+    def test_is_guarded_by_the_key_of_all_its_jobs(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=9)
+        one, other = (
+            {"Authorization": f"Bearer {ApiKeys(client).create(name, Role.SUBMITTER, limits)[1]}"}
+            for name in ("one", "other")
+        )
+        links = submit(http, WIDE, frames(16, batch="walk"), headers=one).json()["links"]
+        problem(http.post(links["guard"], headers=other), 403, "not-your-job")
+        assert http.post(links["guard"], headers=one).json()["guard"]["guarded"] is True
+
+
+class TestAShot:
+    @pytest.mark.parametrize(
+        ("spec", "field", "words"),
+        [
+            (frames(16, 17, shot={"fps": 24}), "spec.parameters.1", "17×9, and spec.parameters.0"),
+            (frames(16, shot={"fps": 24}), "spec", "has 2 frames or more"),
+            (frames(3, 3, shot={"fps": 24}), "spec.parameters.0", "at least 4×4 pixels"),
+            (frames(16, 16, shot={"fps": 0}), "spec.shot.fps", "at least 1"),
+            (frames(16, 16, shot={"fps": 481}), "spec.shot.fps", "at most 480"),
+            (frames(16, 16, shot={}), "spec.shot.fps", "missing"),
+            (frames(16, 16, shot={"fps": 24, "target": 10}), "spec.shot.target", "at most 9.99"),
+            (
+                frames(16, 16, shot={"fps": 24}, allocation={"name": "zones"}),
+                "spec",
+                "choose the allocation frame",
+            ),
+            (
+                {"parameters": {"w": 16}, "shot": {"fps": 24}},
+                "spec.shot",
+                "give `parameters` as a list",
+            ),
+        ],
+    )
+    def test_that_cannot_be_judged_is_refused(
+        self, http: httpx.Client, spec: dict[str, Any], field: str, words: str
+    ) -> None:
+        refused = problem(submit(http, WIDE, spec), 422, "invalid-spec")
+        assert [one["field"] for one in refused["errors"]] == [field]
+        assert words in refused["detail"], refused["detail"]
+        assert http.get("/v1/jobs").json()["jobs"] == []
+
+    def test_is_shown_frame_by_frame(self, http: httpx.Client) -> None:
+        shot = {"fps": 23.976, "target": 9}
+        made = submit(http, WIDE, frames(16, 16, batch="walk", shot=shot)).json()
+        assert made["shot"]["state"] == "rendering"
+        # One that joins later is no frame of it
+        assert submit(http, WIDE, frames(17, batch="walk")).status_code == 201
+        found = http.get(http.get(batch_path("walk")).json()["links"]["shot"]).json()
+        assert (found["fps"], found["target"], found["frames"], found["looks"]) == (23.976, 9, 2, 0)
+        assert [one["job"] for one in found["by_frame"]] == made["job_ids"]
+        job = http.get(f"/v1/jobs/{made['job_ids'][1]}").json()
+        assert job["in_shot"] == {"id": made["job_ids"][0], "waits": None, "answer": None}
+        for picture in ("film", "flicker"):
+            problem(http.get(found["links"][picture]), 404, "no-image-yet")
+        # Nor is one that tries a frame again
+        http.post(f"/v1/jobs/{job['id']}/cancel")
+        again = http.post(f"/v1/jobs/{job['id']}/retry").json()
+        assert (again["spec"]["batch"], again["in_shot"]) == ("walk", None)
+        assert http.get(found["links"]["self"]).json()["id"] == found["id"]
+        submit(http, WIDE, frames(16, 16, batch="still"))
+        for path in ("shot", "shot/film.png", "shot/flicker.png"):
+            problem(http.get(f"/v1/batches/still/{path}"), 404, "no-shot")
+            problem(http.get(f"/v1/batches/none/{path}"), 404, "unknown-batch")
+
+
+class TestSteering:
+    def test_says_what_became_of_each(self, http: httpx.Client, client: redis.Redis) -> None:
+        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
+        ended = StagedJob(client, batch["job_ids"][0])
+        ended.commit()
+        ended.end(JobState.EXHAUSTED)
+        for _ in range(2):
+            answer = http.post(batch["links"]["cancel"])
+            assert answer.status_code == 202
+            assert answer.json() == {
+                "name": "b",
+                "done": 1,
+                "jobs": [
+                    {
+                        "job": ended.id,
+                        "done": False,
+                        "state": "exhausted",
+                        "why_not": "it has ended",
+                        "before": None,
+                    },
+                    {
+                        "job": batch["job_ids"][1],
+                        "done": True,
+                        "state": "cancelled",
+                        "why_not": None,
+                        "before": None,
+                    },
+                ],
+            }
+
+    def test_holds_back_what_has_not_begun(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
+        http.post(batch["links"]["pause"])
+        assert http.get(batch["links"]["self"]).json()["held"] == 2
+        held = http.get(f"/v1/jobs/{batch['job_ids'][0]}").json()
+        assert (held["state"], held["held"]) == ("queued", True)
+        # One of them may begin alone
+        answer = http.post(f"{held['links']['resume']}")
+        assert (answer.status_code, answer.json()["held"]) == (202, False)
+        assert http.get(batch["links"]["self"]).json()["held"] == 1
+        http.post(batch["links"]["resume"])
+        assert http.get(batch["links"]["self"]).json()["held"] == 0
+
+
+def test_a_thousand_jobs_are_summed_up_in_a_moment(http: httpx.Client, client: redis.Redis) -> None:
+    spec = JobSpec(batch="long")
+    Jobs(client).create_all([spec] * 1000, name="box.xml", scene_sha256="0" * 64)
+    found = http.get("/v1/batches/long")
+    assert found.json()["states"] == {"queued": 1000}
+    assert len(json.dumps(found.json())) < 30_000
+    assert http.post("/v1/batches/long/cancel").json()["done"] == 1000

@@ -1,0 +1,528 @@
+"""Goes on with ended jobs: the image and the curve are those of a job that was never stopped."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import redis
+from pydantic import ValidationError
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import decode_image
+from plateau.farm.ledger.batches import Batches
+from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, check
+from plateau.farm.model.errors import CannotContinue
+from plateau.farm.model.job import Job
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.sweep import sweep
+from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.faults.invariants import check_job
+from tests.support.until import until
+
+SLICE, STEP = 10, 20
+DAY_S = 86_400
+QUICK = {"step": STEP, "slice_spp": SLICE, "max_spp": 400, "rule": {"name": "fixed", "spp": 80}}
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+def work(farm: NoiseFarm, job: Job) -> Job:
+    """Render slices as they are planned, until the job is finished; its invariants are checked."""
+    done = farm.finish(job)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+    return done
+
+
+def let_it_have_ended(farm: NoiseFarm, job: Job, days_ago: float) -> None:
+    redis = farm.jobs._redis
+    redis.hset(keys.job(job.id), "finished_at", farm.jobs.now_ms() - round(days_ago * DAY_S * 1000))
+
+
+def go_on(farm: NoiseFarm, job: Job, **changes: Any) -> Job:
+    """The job that goes on with this one."""
+    continuations = Continuations(farm.jobs._redis)
+    remains = continuations.remains(job)
+    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
+    check(job, remains, spec)
+    return continuations.start(job, remains, spec).job
+
+
+def pixels(farm: NoiseFarm, job: Job) -> bytes:
+    return decode_image(farm.picture(job, "image.exr")).tobytes()
+
+
+#: A point that was taken over has its time, and speaks of the rules of its own job.
+OF_ITS_JOB = {
+    *("at", "rules", "expected_spp"),
+    *("forecast_spp", "forecast_low_spp", "forecast_high_spp"),
+}
+
+
+def curve(farm: NoiseFarm, job: Job) -> list[dict[str, Any]]:
+    return [point.model_dump(exclude=OF_ITS_JOB) for point in farm.jobs.curve(job.id)]
+
+
+def rendered(farm: NoiseFarm, job: Job) -> list[int]:
+    """The slices that were rendered for this job itself."""
+    events = farm.jobs.events(job.id)
+    return [int(str(event.data["index"])) for event in events if event.type == "slice"]
+
+
+@pytest.mark.parametrize("keep_slices", [False, True], ids=["from its sums", "from its slices"])
+@pytest.mark.parametrize(
+    "rule", [{"name": "fixed", "spp": 200}, {"name": "visible", "target": 0.95, "min_spp": 160}]
+)
+def test_a_stricter_rule_goes_on_as_if_it_had_ruled_from_the_start(
+    farm: NoiseFarm, rule: dict[str, Any], keep_slices: bool
+) -> None:
+    with farm.monitor():
+        # Given a job that stopped, and one that has the stricter rule from the start
+        stopped = work(farm, farm.submit(**QUICK, keep_slices=keep_slices))
+        before = pixels(farm, stopped), curve(farm, stopped), farm.jobs.get(stopped.id)
+        never_stopped = work(farm, farm.submit(**{**QUICK, "rule": rule}))
+        # When the first is gone on with
+        done = work(farm, go_on(farm, stopped, rule=rule))
+    # Then all is as if it had never been stopped
+    assert (done.state, done.spp) == (JobState.CONVERGED, never_stopped.spp)
+    assert done.spp > stopped.spp == 80
+    assert pixels(farm, done) == pixels(farm, never_stopped)
+    assert curve(farm, done) == curve(farm, never_stopped)
+    assert done.verdict == never_stopped.verdict
+    # No slice was rendered twice
+    assert set(rendered(farm, done)).isdisjoint(range(8))
+    assert farm.jobs.ledger(done.id).keys() >= set(range(done.spp // SLICE))
+    # And the old job is as it was
+    after = pixels(farm, stopped), curve(farm, stopped), farm.jobs.get(stopped.id)
+    assert after == before
+    assert (done.continues, done.continued_spp) == (stopped.id, 0 if keep_slices else 80)
+
+
+def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> None:
+    never = {"name": "visible", "target": 1e-9}
+    with farm.monitor():
+        capped = work(farm, farm.submit(**{**QUICK, "rule": never, "max_spp": 60}))
+        assert capped.state is JobState.EXHAUSTED
+        done = work(farm, go_on(farm, capped, max_spp=100))
+        # And once more, from the job that went on
+        again = work(farm, go_on(farm, done, max_spp=120))
+    assert (done.state, done.spp) == (JobState.EXHAUSTED, 100)
+    assert [point["spp"] for point in curve(farm, again)] == list(range(20, 121, 20))
+    films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(12))
+    expected = (films[..., :3] / films[..., 3:]).astype(np.float32)
+    assert pixels(farm, again) == expected.tobytes()
+    assert again.continues == done.id
+
+
+def test_a_cancelled_job_can_be_taken_up_again(farm: NoiseFarm) -> None:
+    with farm.monitor():
+        job = farm.submit(**QUICK)
+        for _ in range(5):  # in the middle of a step
+            until(lambda: (lease := farm.lease()) is not None and bool(farm.commit(lease)))
+        farm.jobs.cancel(job.id)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+        cancelled = farm.jobs.get(job.id)
+        assert (cancelled.state, cancelled.spp) == (JobState.CANCELLED, 50)
+        done = work(farm, go_on(farm, cancelled))
+        undisturbed = work(farm, farm.submit(**QUICK))
+    assert (done.state, done.spp) == (JobState.CONVERGED, 80)
+    assert pixels(farm, done) == pixels(farm, undisturbed)
+    assert curve(farm, done) == curve(farm, undisturbed)
+    assert min(rendered(farm, done)) == 5
+
+
+def test_under_another_view_kept_slices_are_judged_again_and_nothing_is_rendered(
+    farm: NoiseFarm,
+) -> None:
+    other = {"field_of_view_deg": 5.0, "exposure_ev": 2.0}
+    with farm.monitor():
+        job = work(farm, farm.submit(**QUICK, keep_slices=True))
+        ledger = farm.jobs.ledger(job.id)
+        cap = len(ledger) * SLICE
+        judged = work(farm, go_on(farm, job, view=other, step=10, max_spp=cap))
+        from_the_start = work(farm, farm.submit(**{**QUICK, "view": other, "step": 10}))
+    assert rendered(farm, judged) == []
+    assert judged.machine_s == 0
+    assert judged.spec.view.field_of_view_deg == 5
+    assert curve(farm, judged) == curve(farm, from_the_start) != curve(farm, job)
+    # The slices are still there, and still the old job's
+    assert farm.jobs.ledger(job.id) == ledger
+    assert all(farm.store.exists(record["blob"]) for record in ledger.values())
+
+
+@pytest.mark.parametrize("harm", ["lost", "spoiled"])
+def test_sums_that_are_lost_meanwhile_cost_time_only(farm: NoiseFarm, harm: str) -> None:
+    with farm.monitor():
+        stopped = work(farm, farm.submit(**QUICK))
+        undisturbed = work(farm, farm.submit(**{**QUICK, "rule": {"name": "fixed", "spp": 120}}))
+    # Given a job that goes on, of which the sums are lost before a monitor comes to it; by its new
+    # rule it would have stopped earlier than it did
+    job = go_on(farm, stopped, rule={"name": "visible", "target": 0.99, "min_spp": 20})
+    (sums,) = farm.store.names(blobs.checkpoints(stopped.id))
+    farm.store.delete(sums) if harm == "lost" else farm.store.put(sums, b"spoiled")
+    with farm.monitor():
+        done = work(farm, job)
+    # Then its slices are rendered again, and it stops where it would have
+    assert sorted(rendered(farm, done))[:8] == list(range(8))
+    assert (done.state, done.spp) == (JobState.CONVERGED, 100)
+    assert curve(farm, done) == curve(farm, undisturbed)[:5]
+
+
+def test_a_job_is_kept_as_long_as_one_goes_on_with_it(farm: NoiseFarm, client: redis.Redis) -> None:
+    with farm.monitor():
+        first = work(farm, farm.submit(**QUICK, keep_slices=True))
+        second = work(farm, go_on(farm, first, rule={"name": "fixed", "spp": 120}))
+    # Given that both are old enough to be forgotten, but the second not quite
+    old = client.time()[0] * 1000 - 8 * 86_400_000
+    client.hset(keys.job(first.id), "finished_at", old)
+    for dry_run in (True, False):
+        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
+        assert sweep(client, farm.store, **week).jobs == 0
+    assert all(farm.store.exists(one["blob"]) for one in farm.jobs.ledger(second.id).values())
+    # When the second is too, both go at once
+    client.hset(keys.job(second.id), "finished_at", old)
+    for dry_run in (True, False):
+        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
+        assert sweep(client, farm.store, **week).jobs == 2
+    assert farm.store.names(blobs.JOBS) == []
+
+
+def test_sums_go_after_their_time_and_the_results_stay(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    with farm.monitor():
+        job = work(farm, farm.submit(**QUICK))
+    let_it_have_ended(farm, job, days_ago=2)
+    for dry_run in (True, False):
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).blobs == 0
+        would = sweep(client, farm.store, sums_older_than_s=DAY_S, dry_run=dry_run)
+        assert (would.sums, would.orphans, would.blobs) == (1, 0, 1)
+    assert farm.store.names(blobs.checkpoints(job.id)) == []
+    assert farm.picture(job, "image.png")
+    with pytest.raises(CannotContinue, match="none of its samples are left"):
+        go_on(farm, farm.jobs.get(job.id))
+
+
+def test_sums_stay_for_a_job_that_still_stands_on_them(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    # Given a job that ended long ago, and one that has just gone on with its sums
+    with farm.monitor():
+        old = work(farm, farm.submit(**QUICK))
+    new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
+    let_it_have_ended(farm, old, days_ago=4)
+    # When the farm is swept, then the sums stay
+    for dry_run in (True, False):
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 0
+    with farm.monitor():
+        done = work(farm, new)
+    # And no slice is rendered twice
+    assert set(rendered(farm, done)).isdisjoint(range(8))
+    # When the new one has sums of its own, those of the old one go, and its own stay
+    for dry_run in (True, False):
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 1
+    assert farm.store.names(blobs.checkpoints(old.id)) == []
+    assert Continuations(client).remains(done).slices == 12
+
+
+def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    # Given a job, and one that went on with it and was cancelled before it rendered anything
+    with farm.monitor():
+        old = work(farm, farm.submit(**QUICK))
+        new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
+        farm.jobs.cancel(new.id)
+        until(lambda: farm.jobs.get(new.id).finished_at is not None)
+    let_it_have_ended(farm, old, days_ago=4)
+    # Then the second can be gone on with for as long as any other
+    assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S).sums == 0
+    assert Continuations(client).remains(farm.jobs.get(new.id)).slices == 8
+    # And after that the sums go
+    let_it_have_ended(farm, new, days_ago=4)
+    for dry_run in (True, False):
+        swept = sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run)
+        assert (swept.sums, swept.blobs) == (1, 1)
+    assert farm.store.names(blobs.checkpoints(old.id)) == []
+
+
+class TestCapsOfScalarJobs:
+    """On scalar variants the cap decides which passes and seeds the samples have."""
+
+    @pytest.fixture
+    def go_on_from(self, farm: NoiseFarm) -> Callable[..., None]:
+        """Check a cap for a job at 1024×1024 that was rendered to some spp, by `auto` on scalar."""
+
+        def go_on_from(spp: int, cap: int, *, to: int, seed: int = 0) -> None:
+            made = farm.submit(max_spp=cap, seed=seed)
+            film = {"variant": "scalar_rgb", "width": 1024, "height": 1024}
+            job = made.model_copy(update={**film, "state": JobState.EXHAUSTED})
+            drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
+            slices = spp // 25
+            seeds = tuple(drawn.seed_range(index) for index in range(slices))
+            check(
+                job,
+                Remains(slices, "sums", seeds, Plan.of(job.spec)),
+                JobSpec(max_spp=to, seed=seed),
+            )
+
+        return go_on_from
+
+    def test_one_that_takes_larger_passes_is_refused_and_those_that_fit_are_named(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
+            go_on_from(10_000, 10_000, to=20_000)
+        go_on_from(10_000, 10_000, to=14_625)
+        with pytest.raises(CannotContinue):
+            go_on_from(10_000, 10_000, to=14_650)
+
+    def test_so_is_one_that_takes_smaller_passes(self, go_on_from: Callable[..., None]) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 14650 to 25600 goes on"):
+            go_on_from(2500, 20_000, to=10_000)
+        go_on_from(2500, 20_000, to=14_650)
+        go_on_from(2500, 20_000, to=25_600)
+
+    def test_one_beyond_all_seeds_is_refused_though_llvm_would_have_enough(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
+            go_on_from(10_000, 10_000, to=1_000_000)
+
+    def test_with_a_seed_of_its_own_a_job_has_no_other_cap(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        go_on_from(500, 2000, to=2000, seed=1)
+        for other in (1000, 1975, 2025):
+            with pytest.raises(CannotContinue, match="a max_spp of 2000 goes on with them"):
+                go_on_from(500, 2000, to=other, seed=1)
+        with pytest.raises(CannotContinue, match="submit the scene as a new job"):
+            go_on_from(2000, 2000, to=4000, seed=1)
+
+
+class TestWhatCannotBe:
+    @pytest.fixture
+    def ended(self, farm: NoiseFarm) -> Job:
+        with farm.monitor():
+            return work(farm, farm.submit(**QUICK))
+
+    @pytest.mark.parametrize(
+        ("changes", "why"),
+        [
+            ({"seed": 1}, "seed makes other samples"),
+            ({"parameters": {"x": 1}}, "parameters makes other samples"),
+            ({"variant": "scalar_rgb"}, "variant makes other samples"),
+            ({"view": {"exposure_ev": 1}}, "its view cannot change"),
+            ({"step": 40}, "its step cannot change"),
+            ({"keep_slices": True}, "would have a gap"),
+            ({"rule": {"name": "multiple"}}, "multiple compares with earlier images"),
+            ({"max_spp": 80}, "leaves nothing to render"),
+        ],
+        ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
+    )
+    def test_changes_that_the_sums_do_not_bear(
+        self, farm: NoiseFarm, ended: Job, changes: dict[str, Any], why: str
+    ) -> None:
+        with pytest.raises(CannotContinue, match=why):
+            go_on(farm, ended, **changes)
+
+    def test_a_job_that_has_not_ended(self, farm: NoiseFarm) -> None:
+        with pytest.raises(CannotContinue, match="it is queued: it goes on by itself"):
+            go_on(farm, farm.submit(**QUICK))
+
+    def test_one_that_ended_without_a_sample(self, farm: NoiseFarm) -> None:
+        with farm.monitor():
+            job = farm.submit(**QUICK)
+            farm.jobs.cancel(job.id)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None)
+        with pytest.raises(CannotContinue, match="none of its samples are left"):
+            go_on(farm, farm.jobs.get(job.id))
+
+    def test_one_whose_sums_went_between_the_look_and_the_start(
+        self, farm: NoiseFarm, client: redis.Redis, ended: Job
+    ) -> None:
+        continuations = Continuations(client)
+        remains = continuations.remains(ended)
+        client.hdel(keys.job(ended.id), "checkpoint")
+        with pytest.raises(CannotContinue, match="has just changed"):
+            continuations.start(ended, remains, ended.spec)
+
+
+def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
+    spec = JobSpec.model_validate({"rule": {"name": "visible", "target": 0.5}, "max_spp": 500})
+
+    def changed(**changes: Any) -> JobSpec:
+        return JobSpec.model_validate(changed_spec(spec, changes))
+
+    assert changed() == spec
+    assert changed(rule={"min_spp": 7}).rule.model_dump() == {
+        "name": "visible",
+        "target": 0.5,
+        "min_spp": 7,
+    }
+    assert changed(rule={"name": "reverse"}).rule.model_dump()["window"] == 5
+    assert changed(view={"exposure_ev": 2}).view.exposure_ev == 2
+    assert changed(max_spp=None).max_spp == 10_000
+    # A null takes away what is there, or may be, and no field has a name that nobody knows
+    assert changed(batch=None, webhook=None, parameters={"w": None}) == spec
+    for unknown in ({"typo": None}, {"view": {"typo": None}}, {"rule": {"typo": None}}):
+        with pytest.raises(ValidationError, match="typo"):
+            changed(**unknown)
+
+
+class TestOverHttp:
+    @pytest.fixture
+    def http(self, farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
+        with (
+            live_api(redis_url, farm.store) as url,
+            httpx.Client(base_url=url, trust_env=False, timeout=30) as http,
+        ):
+            yield http
+
+    @pytest.fixture
+    def ended(self, farm: NoiseFarm) -> Job:
+        with farm.monitor():
+            return work(farm, farm.submit(**QUICK, batch="tuesday"))
+
+    def test_a_job_goes_on_once_however_often_it_is_asked(
+        self, farm: NoiseFarm, http: httpx.Client, ended: Job
+    ) -> None:
+        path, body = f"/v1/jobs/{ended.id}/continue", {"rule": {"spp": 120}}
+        first, second = (
+            http.post(path, json=body, headers={"Idempotency-Key": "once"}) for _ in range(2)
+        )
+        assert (first.status_code, second.status_code) == (201, 201)
+        job = first.json()
+        assert first.headers["location"] == job["links"]["self"]
+        assert second.json()["id"] == job["id"]
+        assert second.headers["idempotency-replayed"] == "true"
+        # It has the samples, the curve and the image of the old one, and renders
+        assert (job["state"], job["continues"]) == ("rendering", ended.id)
+        assert (job["spp"], job["continued_spp"], job["points"]) == (80, 80, 4)
+        assert job["spec"]["rule"] == {"name": "fixed", "spp": 120}
+        assert job["spec"]["batch"] is None  # which was the old job's own
+        assert http.get(job["links"]["image_png"]).status_code == 200
+        points = http.get(job["links"]["curve"]).json()["points"]
+        assert [point["spp"] for point in points] == [20, 40, 60, 80]
+        with farm.monitor():
+            assert work(farm, farm.jobs.get(job["id"])).spp == 120
+        # The same key for something else is refused
+        other = http.post(path, json={}, headers={"Idempotency-Key": "once"})
+        assert other.json()["type"] == "/problems/idempotency-key-reused"
+
+    @pytest.mark.parametrize(
+        ("verb", "body", "slug"),
+        [
+            ("continue", {"seed": 3}, "cannot-continue"),
+            ("continue", {"nonsense": 3}, "invalid-spec"),
+            ("continue", {"rule": {"spp": "many"}}, "invalid-spec"),
+            ("continue", {"max_spp": 10**9}, "invalid-spec"),
+            ("continue", [1], "invalid-request"),
+            ("rejudge", {}, "cannot-continue"),
+        ],
+    )
+    def test_what_cannot_be_is_said(
+        self, http: httpx.Client, ended: Job, verb: str, body: Any, slug: str
+    ) -> None:
+        answer = http.post(f"/v1/jobs/{ended.id}/{verb}", json=body)
+        assert answer.json()["type"] == f"/problems/{slug}", answer.text
+        assert http.get("/v1/jobs").json()["jobs"][0]["id"] == ended.id
+
+    def test_a_cap_with_other_seeds_makes_no_job(self, farm: NoiseFarm, http: httpx.Client) -> None:
+        # Given an exhausted job on a scalar variant, with a seed of its own
+        with farm.monitor():
+            job = work(farm, farm.submit(**{**QUICK, "max_spp": 60, "seed": 1}))
+        # When it is to go on to another cap, then that is refused, and nothing was made
+        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": 100})
+        assert (answer.status_code, answer.json()["type"]) == (409, "/problems/cannot-continue")
+        assert "draws other samples for a cap of 100 spp" in answer.json()["detail"]
+        assert [one["id"] for one in http.get("/v1/jobs").json()["jobs"]] == [job.id]
+
+    def test_kept_slices_with_other_seeds_are_judged_again_but_go_on_from_their_own_job(
+        self, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        with farm.monitor():
+            job = work(farm, farm.submit(**QUICK, seed=1, keep_slices=True))
+            # Judging draws nothing, so that the cap may be any
+            judged = http.post(f"/v1/jobs/{job.id}/rejudge", json={"view": {"exposure_ev": 1}})
+            done = work(farm, farm.jobs.get(judged.json()["id"]))
+        assert rendered(farm, done) == []
+        # Going on from there to another cap is refused; to the one of the samples' own job it goes
+        path = f"/v1/jobs/{done.id}/continue"
+        refused = http.post(path, json={"max_spp": 300})
+        assert f"or go on with job {job.id}, whose samples they are" in refused.json()["detail"]
+        rule = {"name": "fixed", "spp": 200}
+        goes_on = http.post(path, json={"max_spp": 400, "rule": rule})
+        with farm.monitor():
+            assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
+
+    def test_a_job_that_nobody_knows(self, http: httpx.Client) -> None:
+        answer = http.post("/v1/jobs/000000000000/continue", json={})
+        assert answer.json()["type"] == "/problems/unknown-job"
+
+    def test_slices_are_judged_again_up_to_where_they_end(
+        self, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        with farm.monitor():
+            job = work(farm, farm.submit(**QUICK, keep_slices=True))
+        cap = len(farm.jobs.ledger(job.id)) * SLICE
+        path = f"/v1/jobs/{job.id}/rejudge"
+        refused = http.post(path, json={"max_spp": 50})
+        assert f"where the slices end, at {cap} spp" in refused.json()["detail"]
+        new = http.post(path, json={"view": {"white_luminance": 300}, "rule": {"name": "reverse"}})
+        assert new.json()["spec"]["max_spp"] == cap
+        with farm.monitor():
+            done = work(farm, farm.jobs.get(new.json()["id"]))
+        assert rendered(farm, done) == []
+        assert done.spec.view.white_luminance == 300
+
+
+class TestSamplesSaved:
+    """What jobs would have cost otherwise: a job, its batch and the farm say the same."""
+
+    PIXELS = 32 * 24
+
+    def saved(self, farm: NoiseFarm, *done: Job) -> list[int]:
+        """Samples that each of these jobs saved, which are all of its batch and of the farm."""
+        each = [job.samples_saved for job in done]
+        batch = Batches(farm.jobs._redis).get("b")
+        assert batch.samples_saved == farm.jobs.census().samples_saved == sum(each)
+        return [samples // self.PIXELS for samples in each]
+
+    def test_are_those_that_the_cap_allowed_beyond_what_a_job_took_over(
+        self, farm: NoiseFarm
+    ) -> None:
+        loose, strict = (
+            {"name": "visible", "target": target, "min_spp": 40} for target in (0.99, 0.95)
+        )
+        asked = {**QUICK, "rule": loose, "batch": "b"}
+        with farm.monitor():
+            # Given a job that converged, one that went on from its sums, and one from its slices
+            first = work(farm, farm.submit(**asked))
+            second = work(farm, go_on(farm, first, rule={**strict, "min_spp": 100}, batch="b"))
+            kept = work(farm, farm.submit(**{**asked, "keep_slices": True}))
+            # And one that judged again what was kept, up to there: nothing was to be rendered
+            slices = len(farm.jobs.ledger(kept.id))
+            judged = work(farm, go_on(farm, kept, max_spp=slices * SLICE, batch="b"))
+        done = first, second, kept, judged
+        assert {job.state for job in done} == {JobState.CONVERGED}
+        assert second.spp > first.spp
+        # Then each saved what its cap allowed it to render and it did not
+        assert self.saved(farm, *done) == [400 - first.spp, 400 - second.spp, 400 - kept.spp, 0]
+
+    def test_are_none_where_the_number_was_asked_for(self, farm: NoiseFarm) -> None:
+        with farm.monitor():
+            fixed = work(farm, farm.submit(**QUICK, batch="b"))
+            further = work(farm, go_on(farm, fixed, rule={"name": "fixed", "spp": 100}, batch="b"))
+        assert (fixed.state, further.state) == (JobState.CONVERGED, JobState.CONVERGED)
+        assert self.saved(farm, fixed, further) == [0, 0]

@@ -1,0 +1,530 @@
+"""Jobs over HTTP: submitted, listed, shown, cancelled, paused, put before others."""
+
+import hashlib
+import json
+import socket
+import time
+from typing import Any
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.states import JobState
+from tests.support.farms.live_api import LARGEST_UPLOAD
+from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
+
+FILM = '<film type="hdrfilm"><integer name="width" value="{0}"/><integer name="height" value="9"/>'
+BOX = scene(sensor=f'<sensor type="perspective">{FILM.format(16)}</film></sensor>')
+
+
+def submit(
+    http: httpx.Client,
+    content: bytes | None = BOX,
+    spec: dict[str, Any] | str | None = None,
+    *,
+    filename: str = "box.xml",
+    headers: dict[str, str] | None = None,
+    **more: str,
+) -> httpx.Response:
+    files: dict[str, Any] = {name: (None, value) for name, value in more.items()}
+    if content is not None:
+        files["scene"] = (filename, content)
+    if spec is not None:
+        files["spec"] = (None, spec if isinstance(spec, str) else json.dumps(spec))
+    return http.post("/v1/jobs", files=files, headers=headers)
+
+
+def problem(answer: httpx.Response, status: int, slug: str) -> dict[str, Any]:
+    """The problem in an answer, which has to be of this type."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    found: dict[str, Any] = answer.json()
+    assert found["type"] == f"/problems/{slug}"
+    assert found["status"] == status
+    assert found["instance"] == answer.request.url.path
+    assert found["title"]
+    assert found["detail"]
+    return found
+
+
+class TestSubmitting:
+    def test_makes_a_job_and_stores_the_scene_once(
+        self, http: httpx.Client, api_store: Blobs
+    ) -> None:
+        first = submit(http, spec={"max_spp": 200, "view": {"exposure_ev": 1.5}})
+        assert first.status_code == 201
+        job = first.json()
+        # It says where the job is, and shows it
+        assert first.headers["location"] == f"/v1/jobs/{job['id']}" == job["links"]["self"]
+        assert http.get(first.headers["location"]).json() == job
+        assert (job["state"], job["name"]) == ("queued", "box")
+        # What was asked for is filled up with defaults
+        assert job["spec"]["max_spp"] == 200
+        assert job["spec"]["step"] == 100
+        assert job["spec"]["view"]["exposure_ev"] == 1.5
+        # The scene is stored under its hash, and listed
+        sha256 = hashlib.sha256(BOX).hexdigest()
+        assert job["scene_sha256"] == sha256
+        assert api_store.get(blob_names.scene(sha256)) == BOX
+        second = submit(http).json()
+        assert second["id"] != job["id"]
+        [stored] = http.get("/v1/scenes").json()["scenes"]
+        assert stored["sha256"] == sha256
+        assert (stored["bytes"], stored["width"], stored["height"]) == (len(BOX), 16, 9)
+
+    def test_takes_a_zip(self, http: httpx.Client) -> None:
+        bundle = zipped({"scene.xml": scene(mesh("a.ply")), "a.ply": PLY}).read()
+        assert submit(http, bundle, filename="box.zip").status_code == 201
+
+    def test_takes_a_stored_scene_by_its_hash(self, http: httpx.Client) -> None:
+        sha256 = submit(http).json()["scene_sha256"]
+        again = submit(http, None, scene_sha256=sha256)
+        assert again.status_code == 201
+        assert again.json()["scene_sha256"] == sha256
+        assert again.json()["name"] == "box"
+
+    def test_takes_a_spec_as_a_file(self, http: httpx.Client) -> None:
+        files = {"scene": ("box.xml", BOX), "spec": ("spec.json", b'{"seed": 7}')}
+        assert http.post("/v1/jobs", files=files).json()["spec"]["seed"] == 7
+
+    def test_is_called_as_its_file_is_without_folders_and_suffix(self, http: httpx.Client) -> None:
+        job = submit(http, filename="C:\\scenes\\..\\b\u202eox.xml").json()
+        assert job["name"] == "box"
+
+    def test_is_called_as_its_spec_says(self, http: httpx.Client) -> None:
+        job = submit(http, spec={"name": "Kitchen, v1.2"}).json()
+        assert (job["name"], job["spec"]["name"]) == ("Kitchen, v1.2", "Kitchen, v1.2")
+        assert submit(http, spec={"name": "👩\u200d🚀.zip"}).status_code == 201
+        for name in ("", "a\nb", "gpj\u202e.exr", "a\u200b", "x" * 101):
+            told = problem(submit(http, spec={"name": name}), 422, "invalid-spec")
+            assert [one["field"] for one in told["errors"]] == ["spec.name"]
+
+    def test_checks_the_scene_with_the_parameters_of_the_spec(self, http: httpx.Client) -> None:
+        wide = scene(sensor=f'<sensor type="perspective">{FILM.format("$w")}</film></sensor>')
+        assert problem(submit(http, wide), 422, "broken-scene")["code"] == "undefined-parameter"
+        assert submit(http, wide, {"parameters": {"w": 20}}).status_code == 201
+
+
+class TestAnIdempotencyKey:
+    KEY = {"Idempotency-Key": "monday-1"}  # noqa: RUF012
+
+    def test_makes_one_job_of_a_repeated_request(self, http: httpx.Client) -> None:
+        first = submit(http, headers=self.KEY)
+        second = submit(http, headers=self.KEY)
+        assert second.status_code == first.status_code == 201
+        assert second.json() == first.json()
+        assert "idempotency-replayed" not in first.headers
+        assert second.headers["idempotency-replayed"] == "true"
+        assert len(http.get("/v1/jobs").json()["jobs"]) == 1
+
+    def test_holds_for_the_stored_scene_too(self, http: httpx.Client) -> None:
+        first = submit(http, headers=self.KEY).json()
+        by_hash = submit(http, None, scene_sha256=first["scene_sha256"], headers=self.KEY)
+        assert by_hash.json()["id"] == first["id"]
+
+    @pytest.mark.parametrize("other", ["spec", "scene"])
+    def test_is_refused_for_another_request(self, http: httpx.Client, other: str) -> None:
+        first = submit(http, headers=self.KEY).json()
+        if other == "spec":
+            second = submit(http, spec={"seed": 1}, headers=self.KEY)
+        else:
+            second = submit(http, BOX + b"\n", headers=self.KEY)
+        assert problem(second, 422, "idempotency-key-reused")["job_id"] == first["id"]
+
+    @pytest.mark.parametrize("key", ["", "a b", "x" * 256])
+    def test_must_be_printable_and_short(self, http: httpx.Client, key: str) -> None:
+        answer = submit(http, headers={"Idempotency-Key": key})
+        assert "Idempotency-Key" in problem(answer, 422, "invalid-request")["detail"]
+
+
+class TestABadSpec:
+    @pytest.mark.parametrize(
+        ("spec", "field"),
+        [
+            ({"stepp": 100}, "spec.stepp"),
+            ({"view": {"fov": 1}}, "spec.view.fov"),
+            ({"rule": {"name": "reverse", "epsilon": -1}}, "spec.rule.epsilon"),
+            ({"watch": [{"name": "fixed", "spp": 0}]}, "spec.watch.0.spp"),
+            ({"rule": {"name": "guess"}}, "spec.rule"),
+            ({"max_spp": 0}, "spec.max_spp"),
+            ({"time_limit_s": "soon"}, "spec.time_limit_s"),
+            ({"parameters": {"width": []}}, "spec.parameters.width"),
+            ({"min_spp": 300, "max_spp": 200}, "spec"),
+            ("[]", "spec"),
+            ("{", "spec"),
+            ("[" * 100_000, "spec"),
+            ('{"batch": "\\ud800"}', "spec"),
+        ],
+    )
+    def test_is_refused_by_the_field_that_is_wrong(
+        self, http: httpx.Client, spec: dict[str, Any] | str, field: str
+    ) -> None:
+        found = problem(submit(http, spec=spec), 422, "invalid-spec")
+        assert field in {one["field"] for one in found["errors"]}
+        assert field in found["detail"]
+        assert http.get("/v1/jobs").json()["jobs"] == []
+
+    def test_is_refused_where_it_is_huge(self, http: httpx.Client) -> None:
+        problem(submit(http, spec=" " * 1_100_000), 400, "malformed-request")
+
+
+class TestABadUpload:
+    @pytest.mark.parametrize(
+        ("content", "code"),
+        [
+            (b"", "empty"),
+            (b"hello", "not-a-scene"),
+            (b"<scene", "xml-malformed"),
+            (b"PK\x03\x04 and no more", "zip-malformed"),
+            (b'<!DOCTYPE a [<!ENTITY b "c">]><scene version="3.0.0">&b;</scene>', "xml-entity"),
+            (scene(mesh("gone.ply")), "missing-file"),
+            (scene(include("../../etc/passwd")), "path-escape"),
+            (zipped({"../scene.xml": BOX}).read(), "path-escape"),
+            (BOX.replace(b'"16"', b'"0"'), "film-size"),
+            (scene(sensor=""), "no-sensor"),
+        ],
+    )
+    def test_is_refused_with_the_check_s_words(
+        self, http: httpx.Client, content: bytes, code: str
+    ) -> None:
+        found = problem(submit(http, content), 422, "broken-scene")
+        assert found["code"] == code
+        # and leaves nothing behind
+        assert http.get("/v1/jobs").json()["jobs"] == []
+        assert http.get("/v1/scenes").json()["scenes"] == []
+
+    def test_says_which_line_is_at_fault(self, http: httpx.Client) -> None:
+        bundle = zipped({"scene.xml": scene("", mesh("gone.ply"))}).read()
+        found = problem(submit(http, bundle), 422, "broken-scene")
+        assert (found["file"], found["line"]) == ("scene.xml", 3)
+
+    @pytest.mark.parametrize("announced", [True, False])
+    def test_is_refused_where_it_is_too_large(self, http: httpx.Client, announced: bool) -> None:
+        files = {"scene": ("box.xml", b" " * (LARGEST_UPLOAD + 3_000_000))}
+        request = http.build_request("POST", "/v1/jobs", files=files)
+        if not announced:  # chunked: it shows only while it streams
+            body = request.read()
+            content = (body[i : i + 65536] for i in range(0, len(body), 65536))
+            headers = {"Content-Type": request.headers["content-type"]}
+            request = http.build_request("POST", "/v1/jobs", content=content, headers=headers)
+            assert "content-length" not in request.headers
+        problem(http.send(request), 413, "upload-too-large")
+        # The next one is taken
+        assert submit(http).status_code == 201
+
+    def test_that_is_endless_is_refused_all_the_same(self, http: httpx.Client) -> None:
+        # It is read for a while, so that the answer arrives, and not for ever.
+        url = http.base_url
+        with socket.create_connection((url.host, url.port or 80), timeout=30) as client:
+            client.sendall(
+                b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\n"
+                b"Content-Type: multipart/form-data; boundary=x\r\n"
+                b"Content-Length: 1000000000000\r\n\r\n"
+            )
+            assert client.recv(65536).startswith(b"HTTP/1.1 413 ")
+
+    def test_is_refused_where_the_scene_alone_is_too_large(self, http: httpx.Client) -> None:
+        answer = submit(http, BOX + b" " * LARGEST_UPLOAD)
+        assert problem(answer, 413, "upload-too-large")["code"] == "too-large"
+
+    def test_is_refused_where_it_has_no_scene(self, http: httpx.Client) -> None:
+        problem(http.post("/v1/jobs"), 422, "no-scene")
+        problem(submit(http, None, {}), 422, "no-scene")
+
+    def test_is_refused_where_it_is_no_form(self, http: httpx.Client) -> None:
+        problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
+        headers = {"Content-Type": "multipart/form-data; boundary=x"}
+        problem(
+            http.post("/v1/jobs", content=b"--y\r\nbroken", headers=headers),
+            400,
+            "malformed-request",
+        )
+
+    @pytest.mark.parametrize(
+        ("files", "field"),
+        [
+            ({"scene": (None, "box.xml")}, "scene"),
+            ({"scene_sha256": (None, "ABC")}, "scene_sha256"),
+            ({"scene": ("a.xml", BOX), "scene_sha256": (None, "0" * 64)}, "scene_sha256"),
+            ({"scene": ("a.xml", BOX), "sepc": (None, "{}")}, "sepc"),
+        ],
+    )
+    def test_is_refused_by_the_part_that_is_wrong(
+        self, http: httpx.Client, files: dict[str, Any], field: str
+    ) -> None:
+        found = problem(http.post("/v1/jobs", files=files), 422, "invalid-request")
+        assert [one["field"] for one in found["errors"]] == [field]
+
+    def test_is_refused_where_the_hash_is_of_no_stored_scene(self, http: httpx.Client) -> None:
+        answer = submit(http, None, scene_sha256="0" * 64)
+        problem(answer, 422, "unknown-scene")
+
+
+class TestListing:
+    def test_pages_show_every_job_once_newest_first(self, http: httpx.Client) -> None:
+        made = [submit(http).json()["id"] for _ in range(5)]
+        seen: list[str] = []
+        cursor: dict[str, str] = {}
+        while True:
+            page = http.get("/v1/jobs", params={"limit": "2", **cursor}).json()
+            seen += [job["id"] for job in page["jobs"]]
+            if page["next_cursor"] is None:
+                break
+            cursor = {"cursor": page["next_cursor"]}
+        assert seen == made[::-1]
+
+    def test_filters_by_state_and_by_batch(self, http: httpx.Client) -> None:
+        one = submit(http, spec={"batch": "a"}).json()["id"]
+        other = submit(http, spec={"batch": "b"}).json()["id"]
+        http.post(f"/v1/jobs/{other}/cancel")
+
+        def listed(**asked: str) -> list[str]:
+            return [job["id"] for job in http.get("/v1/jobs", params=asked).json()["jobs"]]
+
+        assert listed(state="queued") == [one]
+        assert listed(state="cancelled") == [other]
+        assert listed(batch="b") == [other]
+        assert listed(batch="b", state="queued") == []
+
+    @pytest.mark.parametrize(
+        ("asked", "field"),
+        [
+            ({"limit": "0"}, "limit"),
+            ({"limit": "201"}, "limit"),
+            ({"cursor": "x"}, "cursor"),
+            ({"state": "happy"}, "state"),
+        ],
+    )
+    def test_refuses_what_it_cannot_list(
+        self, http: httpx.Client, asked: dict[str, str], field: str
+    ) -> None:
+        found = problem(http.get("/v1/jobs", params=asked), 422, "invalid-request")
+        assert [one["field"] for one in found["errors"]] == [field]
+
+
+class TestCancelling:
+    def test_changes_the_state_at_once_and_may_be_repeated(self, http: httpx.Client) -> None:
+        job = submit(http).json()["id"]
+        for _ in range(2):
+            answer = http.post(f"/v1/jobs/{job}/cancel")
+            assert answer.status_code == 202
+            assert answer.json()["state"] == "cancelled"
+        assert http.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"
+
+    def test_is_refused_where_the_job_has_ended_otherwise(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        found = problem(http.post(f"/v1/jobs/{job.id}/cancel"), 409, "cannot-cancel")
+        assert found["state"] == "converged"
+        assert found["story"][-1].endswith("converged: levelled off")
+
+
+class TestPuttingAway:
+    def test_archives_deletes_and_restores_an_ended_job(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.end()
+        links = http.get(f"/v1/jobs/{job.id}").json()["links"]
+        lists = ({}, {"archived": "true"}, {"deleted": "true"})
+        for method, path, place in (
+            ("POST", links["archive"], 1),
+            ("DELETE", links["self"], 2),
+            ("POST", links["restore"], 0),
+            ("DELETE", links["self"], 2),
+            ("POST", links["archive"], 1),
+        ):
+            for _ in range(2):
+                answer = http.request(method, path)
+                assert answer.status_code == 202
+                assert answer.json() == http.get(links["self"]).json()
+                found = [answer.json()[f"{one}_at"] is not None for one in ("archived", "deleted")]
+                assert found == [place == 1, place == 2]
+            listed = [http.get("/v1/jobs", params=asked).json()["jobs"] for asked in lists]
+            assert [len(jobs) for jobs in listed] == [int(one == place) for one in range(3)]
+        everything = {"archived": "any", "deleted": "any"}
+        assert len(http.get("/v1/jobs", params=everything).json()["jobs"]) == 1
+
+    def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+            found = problem(http.request(method, f"/v1/jobs/{job.id}{call}"), 409, "job-not-ended")
+            assert found["state"] == "queued"
+            problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
+            problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
+
+    def test_a_batch_goes_as_one(self, http: httpx.Client, client: redis.Redis) -> None:
+        ended, open_ = (StagedJob(client, batch="walk/1") for _ in range(2))
+        ended.commit()
+        ended.end()
+        path = "/v1/batches/walk%2F1"
+        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+            steered = http.request(method, path + call).json()
+            assert (steered["name"], steered["done"]) == ("walk/1", 1)
+            outcomes = [(one["job"], one["why_not"]) for one in steered["jobs"]]
+            assert sorted(outcomes) == sorted([(ended.id, None), (open_.id, "it has not ended")])
+        assert len(http.get(path).json()["job_ids"]) == 2
+
+
+def test_a_search_reads_names_and_more(http: httpx.Client) -> None:
+    lamp = submit(http, spec={"name": "Lamp at dusk", "batch": "evening"}).json()["id"]
+    other = submit(http).json()["id"]
+
+    def found(search: str) -> list[str]:
+        jobs = http.get("/v1/jobs", params={"search": search}).json()["jobs"]
+        return [job["id"] for job in jobs]
+
+    assert found("") == [other, lamp]
+    assert found("box") == [other]
+    assert found("DUSK  even") == found(lamp[2:]) == [lamp]
+    assert found("dusk morning") == []
+    problem(http.get("/v1/jobs", params={"search": "x" * 201}), 422, "invalid-request")
+    problem(http.get("/v1/jobs", params={"archived": "yes"}), 422, "invalid-request")
+
+
+class TestPausing:
+    def test_and_resuming_may_be_repeated(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit()
+        shown = http.get(f"/v1/jobs/{job.id}").json()
+        for call, state in (("pause", "paused"), ("resume", "rendering")):
+            assert shown["links"][call] == f"/v1/jobs/{job.id}/{call}"
+            for _ in range(2):
+                answer = http.post(shown["links"][call])
+                assert (answer.status_code, answer.json()["state"]) == (202, state)
+            assert http.get(f"/v1/jobs/{job.id}").json()["state"] == state
+
+    def test_shows_since_when_and_for_how_long(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        paused = http.post(f"/v1/jobs/{job.id}/pause").json()
+        assert (paused["reason"], paused["paused_s"]) == ("paused by a user", 0)
+        assert paused["paused_at"] > paused["started_at"]
+        time.sleep(0.01)
+        resumed = http.post(f"/v1/jobs/{job.id}/resume").json()
+        assert (resumed["paused_at"], resumed["paused_s"] >= 0.01) == (None, True)
+
+    def test_a_paused_job_can_be_cancelled(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit()
+        http.post(f"/v1/jobs/{job.id}/pause")
+        cancelled = http.post(f"/v1/jobs/{job.id}/cancel").json()
+        assert (cancelled["state"], cancelled["paused_at"]) == ("cancelled", None)
+
+    @pytest.mark.parametrize(
+        ("call", "slug"), [("pause", "cannot-pause"), ("resume", "cannot-resume")]
+    )
+    def test_is_refused_before_and_after(
+        self, http: httpx.Client, client: redis.Redis, call: str, slug: str
+    ) -> None:
+        job = StagedJob(client)
+        queued = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
+        assert queued["state"] == "queued"
+        assert f"job {job.id} is queued; only a" in queued["detail"]
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        ended = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
+        assert ended["state"] == "converged"
+        assert ended["story"][-1].endswith("converged: levelled off")
+
+
+class TestChangingThePriority:
+    def test_shows_in_the_spec_and_may_be_repeated(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        before = submit(http, spec={"batch": "b", "view": {"exposure_ev": 0.1}}).json()
+        for _ in range(2):
+            answer = http.patch(f"/v1/jobs/{before['id']}", json={"priority": -7})
+            assert answer.status_code == 200
+        # Nothing else has changed
+        assert answer.json() == {**before, "spec": {**before["spec"], "priority": -7}}
+        assert http.get(f"/v1/jobs/{before['id']}").json() == answer.json()
+
+    @pytest.mark.parametrize(
+        ("asked", "field"),
+        [
+            ({}, "priority"),
+            ({"priority": 1001}, "priority"),
+            ({"priority": None}, "priority"),
+            ({"priority": "5"}, "priority"),
+            ({"priority": True}, "priority"),
+            ({"priority": 1, "max_spp": 10}, "max_spp"),
+        ],
+    )
+    def test_refuses_what_cannot_be_changed(
+        self, http: httpx.Client, asked: dict[str, Any], field: str
+    ) -> None:
+        job = submit(http).json()["id"]
+        found = problem(http.patch(f"/v1/jobs/{job}", json=asked), 422, "invalid-request")
+        assert [one["field"] for one in found["errors"]] == [field]
+        assert http.get(f"/v1/jobs/{job}").json()["spec"]["priority"] == 0
+
+    def test_is_refused_where_the_job_has_ended(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        answer = http.patch(f"/v1/jobs/{job.id}", json={"priority": 1})
+        found = problem(answer, 409, "job-ended")
+        assert found["state"] == "converged"
+        assert found["story"][-1].endswith("converged: levelled off")
+
+    @pytest.mark.parametrize("announced", [True, False])
+    def test_reads_no_more_of_a_body_than_it_needs(
+        self, http: httpx.Client, announced: bool
+    ) -> None:
+        job = submit(http).json()["id"]
+        body = b'{"priority": 1' + b" " * 2**16 + b"}"
+        content = body if announced else (body[i : i + 9999] for i in range(0, len(body), 9999))
+        headers = {"Content-Type": "application/json"}
+        answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
+        assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
+
+    def test_says_what_is_not_json(self, http: httpx.Client) -> None:
+        job = submit(http).json()["id"]
+        for content in (b"{", b"\xff"):
+            headers = {"Content-Type": "application/json"}
+            answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
+            problem(answer, 400, "malformed-request")
+
+    def test_of_an_unknown_job_is_a_404(self, http: httpx.Client) -> None:
+        problem(http.patch("/v1/jobs/nope", json={"priority": 1}), 404, "unknown-job")
+
+
+@pytest.mark.parametrize(
+    ("method", "rest"),
+    [
+        ("GET", ""),
+        ("GET", "/curve"),
+        ("GET", "/curve.csv"),
+        ("GET", "/events"),
+        ("GET", "/slices"),
+        ("GET", "/slices/0/log"),
+        ("GET", "/log"),
+        ("GET", "/image.png"),
+        ("GET", "/image.exr"),
+        ("GET", "/difference.png"),
+        ("POST", "/cancel"),
+        ("POST", "/pause"),
+        ("POST", "/resume"),
+    ],
+)
+# The last is the name of one of a job's keys in Redis
+@pytest.mark.parametrize("job_id", ["0123456789ab", "nope", "JOB:events"])
+def test_an_unknown_job_is_a_404_everywhere(
+    http: httpx.Client, client: redis.Redis, method: str, rest: str, job_id: str
+) -> None:
+    job_id = job_id.replace("JOB", StagedJob(client).id)
+    answer = http.request(method, f"/v1/jobs/{job_id}{rest}")
+    assert job_id in problem(answer, 404, "unknown-job")["detail"]

@@ -1,0 +1,267 @@
+"""A job's curve, ledger, images and events over HTTP."""
+
+import csv
+import json
+import threading
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import redis
+
+from plateau.client.watching import parse_events
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.job import Event
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.service.judging.films import checked_partial
+from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.until import until
+
+
+def events(http: httpx.Client, job_id: str, **headers: str) -> Iterator[Event]:
+    with http.stream("GET", f"/v1/jobs/{job_id}/events", headers=headers) as answer:
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        yield from parse_events(answer.iter_lines())
+
+
+def told(happened: Iterator[Event] | list[Event]) -> list[str]:
+    return [event.type for event in happened]
+
+
+class TestTheCurve:
+    @pytest.fixture
+    def job(self, client: redis.Redis) -> StagedJob:
+        job = StagedJob(client, watch=[{"name": "fixed"}])
+        job.commit(8)
+        job.point(100, 0)
+        job.point(200, 30, slope=0.25)
+        return job
+
+    def test_comes_as_json(self, http: httpx.Client, job: StagedJob) -> None:
+        first, second = http.get(f"/v1/jobs/{job.id}/curve").json()["points"]
+        assert (first["spp"], first["visible_pixels"], first["slope"]) == (100, 0, None)
+        assert (second["spp"], second["slope"]) == (200, 0.25)
+        assert second["visible_fraction"] == 30 / (WIDTH * HEIGHT)
+        assert second["rules"]["reverse"] == {"value": 0.25, "stop": False}
+
+    def test_comes_as_csv_by_name_and_by_accept(self, http: httpx.Client, job: StagedJob) -> None:
+        by_name = http.get(f"/v1/jobs/{job.id}/curve.csv")
+        by_accept = http.get(f"/v1/jobs/{job.id}/curve", headers={"Accept": "text/csv"})
+        assert by_name.text == by_accept.text
+        assert by_name.headers["content-type"].startswith("text/csv")
+        first, second = csv.DictReader(by_name.text.splitlines())
+        assert (first["spp"], first["visible_pixels"], first["slope"]) == ("100", "0", "")
+        assert (second["slope"], second["reverse_value"], second["reverse_stop"]) == (
+            "0.25",
+            "0.25",
+            "false",
+        )
+
+    def test_shows_in_the_job(self, http: httpx.Client, job: StagedJob) -> None:
+        shown = http.get(f"/v1/jobs/{job.id}").json()
+        assert (shown["points"], shown["spp"], shown["committed_spp"]) == (2, 200, 200)
+        assert (shown["visible_pixels"], shown["slope"]) == (30, 0.25)
+
+    def test_is_empty_at_first(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        assert http.get(f"/v1/jobs/{job.id}/curve").json() == {"points": []}
+        assert http.get(f"/v1/jobs/{job.id}/curve.csv").text.startswith("spp,visible_pixels,")
+
+
+def test_a_slice_is_a_partial_whatever_its_worker_said(
+    http: httpx.Client, client: redis.Redis, store: Blobs
+) -> None:
+    # Given a ledger that names what is no partial
+    job, secret = StagedJob(client, keep_slices=True), blobs.scene("0" * 64)
+    job.commit()
+    store.put(secret, b"a scene")
+    record = {**Jobs(client).ledger(job.id)[0], "blob": secret}
+    stored = json.dumps({"at": record["at"], "record": json.dumps(record)})
+    client.hset(keys.job(job.id, "ledger"), "0", stored)
+    # Then neither the API nor a monitor reads it
+    problem(http.get(f"/v1/jobs/{job.id}/slices/0.exr"), 404, "unknown-slice")
+    with pytest.raises(CorruptPartial, match="no partial's name"):
+        checked_partial(store, secret, record["sha256"])
+
+
+def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    job.commit(3)
+    slices = http.get(f"/v1/jobs/{job.id}/slices").json()["slices"]
+    assert [(one["index"], one["first_seed"], one["spp"]) for one in slices] == [
+        (0, 0, 25),
+        (1, 3, 25),  # after the passes of 16, 8 and 1 spp
+        (2, 6, 25),
+    ]
+
+
+class TestImages:
+    @pytest.mark.parametrize(
+        ("name", "media_type"),
+        [
+            ("image.png", "image/png"),
+            ("image.exr", "image/x-exr"),
+            ("difference.png", "image/png"),
+            ("noise.png", "image/png"),
+            ("quality.png", "image/png"),
+        ],
+    )
+    def test_come_as_they_are_stored(
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs, name: str, media_type: str
+    ) -> None:
+        job = StagedJob(client)
+        picture = bytes(range(256)) * 40_000  # more than one piece
+        job.picture(api_store, name, picture)
+        answer = http.get(f"/v1/jobs/{job.id}/{name}")
+        assert answer.content == picture
+        assert answer.headers["content-type"] == media_type
+        assert answer.headers["cache-control"] == "no-cache"
+
+    def test_are_missed_in_words(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
+        assert "a moment after its first samples" in found["detail"]
+        assert found["state"] == "queued"
+        job.commit()
+        job.end(JobState.FAILED, "no plugin of that name")
+        found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
+        assert "failed and left no image: no plugin of that name" in found["detail"]
+
+    def test_are_there_before_there_is_a_difference_to_be_shown(
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs
+    ) -> None:
+        job = StagedJob(client, step=200)
+        job.commit()
+        # Given an image, and no point of the curve yet
+        job.picture(api_store, "image.png", b"a picture")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert "has an image of 100 spp, but no difference map yet" in found["detail"]
+        assert "with the first point of its curve, at 200 spp" in found["detail"]
+        found = problem(http.get(f"/v1/jobs/{job.id}/noise.png"), 404, "no-image-yet")
+        assert "whose noise nobody knows yet: that takes two slices" in found["detail"]
+        found = problem(http.get(f"/v1/jobs/{job.id}/quality.png"), 404, "no-image-yet")
+        assert "no rule of job" in found["detail"]
+        # When the job ends so
+        job.end(JobState.CANCELLED, "cancelled by a user")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert (
+            "is cancelled and has an image of 100 spp, but no difference map: " in found["detail"]
+        )
+        assert "ended before the first point of its curve, at 200 spp" in found["detail"]
+        # A cap may come before a step
+        job = StagedJob(client, step=200, max_spp=150)
+        job.picture(api_store, "image.png", b"a picture")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert "at 150 spp" in found["detail"]
+
+
+class TestEvents:
+    def test_tell_the_whole_story_and_end(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit(4)
+        job.point(100, 12, slope=0.5)
+        job.end()
+        job.finish()
+        happened = list(events(http, job.id))
+        assert told(happened) == [
+            "state",
+            "state",
+            *["slice"] * 4,
+            "point",
+            "state",
+            "image",
+            "finished",
+        ]
+        assert [event.data["to"] for event in happened if event.type == "state"] == [
+            "queued",
+            "rendering",
+            "converged",
+        ]
+        [point] = [event.data for event in happened if event.type == "point"]
+        assert (point["spp"], point["visible_pixels"], point["slope"]) == (100, 12, 0.5)
+        # As JSON on request
+        listed = http.get(f"/v1/jobs/{job.id}/events", headers={"Accept": "application/json"})
+        assert [one["id"] for one in listed.json()["events"]] == [one.id for one in happened]
+
+    def test_arrive_as_they_happen(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        arrived: list[str] = []
+
+        def listen() -> None:
+            arrived.extend(event.type for event in events(http, job.id))
+
+        listener = threading.Thread(target=listen)
+        listener.start()
+        until(lambda: arrived == ["state"])  # it is queued
+        expected = ["state"]
+
+        def all_is_heard() -> bool:
+            return len(arrived) >= len(expected)
+
+        for do, told in (
+            (job.commit, ["state", "slice"]),
+            (lambda: job.point(25, 1), ["point"]),
+            (job.end, ["state"]),
+            (job.finish, ["image", "finished"]),
+        ):
+            do()
+            # Each is heard of before the next happens
+            expected += told
+            until(all_is_heard)
+            assert arrived == expected
+        listener.join(60)
+
+    def test_go_on_from_the_last_one_seen(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit(2)
+        job.end()
+        job.finish()
+        everything = list(events(http, job.id))
+        for seen, event in enumerate(everything[:-1]):
+            rest = list(events(http, job.id, **{"Last-Event-ID": event.id}))
+            assert rest == everything[seen + 1 :]
+        query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
+        assert told(parse_events(query.text.splitlines())) == ["finished"]
+
+    def test_say_that_nothing_more_will_come(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.end(JobState.FAILED)
+        job.finish()
+        last = list(events(http, job.id))[-1]
+        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last.id})
+        assert answer.status_code == 204  # on which a browser does not come back
+
+    def test_reach_everyone_who_watches(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        heard: list[list[str]] = [[] for _ in range(8)]
+
+        def listen(ear: list[str]) -> None:
+            ear.extend(told(events(http, job.id)))
+
+        listeners = [threading.Thread(target=listen, args=(ear,)) for ear in heard]
+        for listener in listeners:
+            listener.start()
+        for number in range(1, 6):
+            job.commit()
+            job.point(25 * number, number)
+        job.end()
+        job.finish()
+        for listener in listeners:
+            listener.join(60)
+        assert (
+            heard == [["state", "state", *["slice", "point"] * 5, "state", "image", "finished"]] * 8
+        )
+
+    @pytest.mark.parametrize("last", ["x", "1", "1-2-3", "-"])
+    def test_refuse_an_id_that_is_none(
+        self, http: httpx.Client, client: redis.Redis, last: str
+    ) -> None:
+        job = StagedJob(client)
+        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last})
+        problem(answer, 422, "invalid-request")

@@ -1,0 +1,84 @@
+"""Checking a scene without a job."""
+
+import httpx
+
+from plateau.farm.wire.examples import SCENE_SHA256, SCENE_XML
+from tests.service.api.routes.test_jobs import problem
+
+
+def check(http: httpx.Client, scene: str = SCENE_XML, spec: str = "{}") -> httpx.Response:
+    return http.post("/v1/scenes", files={"scene": ("sphere.xml", scene)}, data={"spec": spec})
+
+
+def test_a_scene_is_checked_and_stored(http: httpx.Client) -> None:
+    answer = check(http)
+    assert answer.status_code == 200
+    found = answer.json()
+    assert (found["sha256"], found["name"]) == (SCENE_SHA256, "sphere.xml")
+    assert (found["width"], found["height"], found["sensors"]) == (256, 256, 1)
+    assert found["parameters"] == {"width": "256", "height": "256"}
+    assert (found["kind"], found["files"], found["bytes"]) == ("xml", 1, len(SCENE_XML))
+    # It makes no job, and can be submitted by its hash
+    assert http.get("/v1/jobs").json()["jobs"] == []
+    data = {"scene_sha256": SCENE_SHA256}
+    assert http.post("/v1/jobs", files={"spec": (None, "{}")}, data=data).status_code == 201
+
+
+def test_parameters_count(http: httpx.Client) -> None:
+    assert check(http, spec='{"parameters": {"width": 64}}').json()["width"] == 64
+    problem(check(http, spec='{"parameters": {"depth": 64}}'), 422, "broken-scene")
+    # A stored one is looked at again with others
+    answer = http.post(
+        "/v1/scenes",
+        files={"spec": (None, '{"parameters": {"width": 32}}')},
+        data={"scene_sha256": SCENE_SHA256},
+    )
+    assert (answer.json()["width"], answer.json()["name"]) == (32, "sphere.xml")
+
+
+def test_the_renderer_of_a_scene_decides_the_variant_of_its_job(http: httpx.Client) -> None:
+    def submit(scene: str, spec: str) -> httpx.Response:
+        return http.post("/v1/jobs", files={"scene": ("a", scene)}, data={"spec": spec})
+
+    analytic = '{"analytic": 1, "width": 16, "height": 16}'
+    found = check(http, scene=analytic, spec='{"parameters": {"width": 32}}').json()
+    assert (found["kind"], found["entry"], found["width"]) == ("json", "scene.json", 32)
+    assert submit(analytic, "{}").json()["spec"]["variant"] == "analytic:numpy"
+    assert submit(analytic, '{"variant": "analytic:numpy"}').status_code == 201
+    assert submit(SCENE_XML, "{}").json()["spec"]["variant"] == "auto"
+    full_name = submit(SCENE_XML, '{"variant": "mitsuba:llvm_ad_rgb"}')
+    assert full_name.json()["spec"]["variant"] == "llvm_ad_rgb"
+    many = submit(analytic, '{"batch": "b", "parameters": [{"width": 8}, {"width": 16}]}')
+    assert many.status_code == 201
+    jobs = http.get("/v1/jobs", params={"batch": "b"}).json()["jobs"]
+    assert [job["spec"]["variant"] for job in jobs] == ["analytic:numpy"] * 2
+    for scene, variant in ((analytic, "llvm_ad_rgb"), (SCENE_XML, "analytic:numpy")):
+        for refused in (
+            submit(scene, f'{{"variant": "{variant}"}}'),
+            check(http, scene=scene, spec=f'{{"variant": "{variant}"}}'),
+        ):
+            body = problem(refused, 422, "invalid-spec")
+            assert body["errors"][0]["field"] == "spec.variant"
+            assert f"has no variant {variant}" in body["detail"]
+
+
+def test_what_a_blender_file_holds_is_not_known_yet(http: httpx.Client) -> None:
+    blend = "BLENDER17-01v0501"
+    found = check(http, scene=blend).json()
+    assert (found["kind"], found["width"], found["height"]) == ("blend", None, None)
+    sized = check(http, scene=blend, spec='{"parameters": {"width": 32, "height": 16}}').json()
+    assert (sized["width"], sized["height"]) == (32, 16)
+    answer = http.post("/v1/jobs", files={"scene": ("shot.blend", blend)}, data={"spec": "{}"})
+    assert (answer.status_code, answer.json()["spec"]["variant"]) == (201, "cycles:cpu")
+    # So it cannot be allocated by zones, nor be a shot of which nobody knows the size
+    by_zones = check(http, scene=blend, spec='{"allocation": {"name": "zones"}}')
+    assert "whole films alone" in problem(by_zones, 422, "invalid-spec")["detail"]
+    frames = '{"batch": "b", "shot": {"fps": 24}, "parameters": [{"frame": 1}, {"frame": 2}]}'
+    shot = check(http, scene=blend, spec=frames)
+    assert "set the parameters width and height" in problem(shot, 422, "invalid-spec")["detail"]
+
+
+def test_what_is_refused_is_refused_as_with_a_job(http: httpx.Client) -> None:
+    problem(check(http, scene="<scene"), 422, "broken-scene")
+    problem(http.post("/v1/scenes", files={"spec": (None, "{}")}), 422, "no-scene")
+    problem(http.post("/v1/scenes", json={}), 415, "not-multipart")

@@ -1,0 +1,235 @@
+"""Steering workers over HTTP."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis.keys import MOST_NEEDS
+from plateau.farm.wire.examples import SCENE_XML
+from plateau.service.api.access.key_guard import Access
+from tests.farm.ledger.test_workers import about
+from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.live_api import live_api
+
+LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
+
+
+@pytest.fixture
+def worker(client: redis.Redis) -> str:
+    SliceQueue(client, "w-1", 60).heartbeat(about("w-1"), ())
+    return "w-1"
+
+
+def drained(http: httpx.Client) -> list[bool]:
+    return [one["drained"] for one in http.get("/v1/workers").json()["workers"]]
+
+
+def test_a_worker_is_drained_and_let_work(http: httpx.Client, worker: str) -> None:
+    for _ in range(2):
+        answer = http.post(f"/v1/workers/{worker}/drain")
+        assert (answer.status_code, answer.json()["workers"][0]["drained"]) == (202, True)
+    assert drained(http) == [True]
+    assert http.post(f"/v1/workers/{worker}/resume").status_code == 202
+    assert drained(http) == [False]
+
+
+def test_one_that_does_not_live_is_a_problem(http: httpx.Client) -> None:
+    problem(http.post("/v1/workers/nobody/drain"), 404, "unknown-worker")
+    problem(http.post("/v1/workers/nobody/resume"), 404, "unknown-worker")
+
+
+def test_demand_is_counted_for_the_variants_of_a_pool(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    jobs, owners = Jobs(client), Ownerships(client, lease_s=60)
+    for variant, slices in (("cuda_ad_rgb", 2), ("scalar_rgb", 3)):
+        job = jobs.create(JobSpec(variant=variant), name="box", scene_sha256="00").job
+        owned = owners.acquire(job.id)
+        assert owned is not None
+        owners.plan(owned, range(slices))
+    assert SliceQueue(client, "w-1", 60).lease(("scalar_rgb",), None, in_turn=False) is not None
+
+    def demand(**asked: str | list[str]) -> dict[str, int]:
+        return http.get("/v1/demand", params=asked).json()
+
+    assert demand() == {"slices": 5, "waiting": 4, "leased": 1}
+    assert demand(variant="cuda_ad_rgb") == {"slices": 2, "waiting": 2, "leased": 0}
+    assert demand(variant=["llvm_ad_rgb", "scalar_rgb"]) == {"slices": 3, "waiting": 2, "leased": 1}
+    assert demand(variant="mitsuba:cuda_ad_rgb") == demand(variant="cuda_ad_rgb")
+    assert demand(variant="analytic:numpy")["slices"] == 0
+    assert demand(pool="default", tag="") == demand()
+    assert demand(pool="night")["slices"] == 0
+    assert http.get("/v1/demand", params={"variant": "vulkan"}).status_code == 422
+    for name in ("", "a b", "-night", "n" * 41, "nächtlich", "night\n"):
+        for parameter in ("pool", "tag"):
+            status = http.get("/v1/demand", params={parameter: name}).status_code
+            # No tag at all is asked for by an empty one
+            assert status == (200 if (parameter, name) == ("tag", "") else 422), (parameter, name)
+
+
+def test_demand_of_jobs_that_require_tags_is_for_workers_that_have_them(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    owners = Ownerships(client, lease_s=60)
+    job = Jobs(client).create(JobSpec(requires=("gpu",)), name="box", scene_sha256="00").job
+    owned = owners.acquire(job.id)
+    assert owned is not None
+    owners.plan(owned, range(3))
+    slices = {
+        tags: http.get(f"/v1/demand?{tags}").json()["slices"]
+        for tags in ("", "tag=", "tag=gpu", "tag=gpu&tag=highmem", "tag=highmem")
+    }
+    assert slices == {"": 3, "tag=": 0, "tag=gpu": 3, "tag=gpu&tag=highmem": 3, "tag=highmem": 0}
+
+
+def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: redis.Redis) -> None:
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    asked = {"spec": '{"pool": "night", "requires": ["gpu"], "variant": "llvm_ad_rgb"}'}
+    made = http.post("/v1/jobs", files=scene, data=asked)
+    assert made.status_code == 201
+    words = (
+        "waits for a worker that renders llvm_ad_rgb in pool night with tags gpu: there is none "
+        "that takes work"
+    )
+
+    def waits_for() -> set[str | None]:
+        of_the_list = [one["waits_for"] for one in http.get("/v1/jobs").json()["jobs"]]
+        return {http.get(f"/v1/jobs/{made.json()['id']}").json()["waits_for"], *of_the_list}
+
+    def unserved() -> str:
+        lines = http.get("/metrics").text.splitlines()
+        return next(line for line in lines if line.startswith("plateau_jobs_unserved"))
+
+    assert made.json()["waits_for"] == words
+    assert (waits_for(), unserved()) == ({words}, "plateau_jobs_unserved 1.0")
+    fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
+    SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
+    assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
+    (shown,) = http.get("/v1/workers").json()["workers"]
+    assert {name: shown[name] for name in fits} == fits
+
+
+def submitted(http: httpx.Client, spec: str = "{}") -> dict[str, Any]:
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    return http.post("/v1/jobs", files=scene, data={"spec": spec}).json()
+
+
+def test_a_worker_is_blocked_for_a_job(http: httpx.Client, worker: str) -> None:
+    job = submitted(http)
+    path = f"{job['links']['self']}/blocked/{worker}"
+
+    def blocked() -> tuple[list[str], list[str]]:
+        shown = http.get(job["links"]["self"]).json()["spec"].get("blocked", [])
+        return shown, http.get("/v1/workers").json()["workers"][0]["blocked_for"]
+
+    answer = http.put(path)
+    words = "waits for a worker that is not blocked for it: there is none that takes work"
+    assert (answer.status_code, answer.json()["waits_for"]) == (202, words)
+    assert blocked() == ([worker], [job["id"]])
+    assert http.delete(path).json()["waits_for"] is None
+    assert blocked() == ([], [])
+    for name in ("a,b", "%20", "!", "x" * 101):
+        problem(http.put(f"{job['links']['self']}/blocked/{name}"), 422, "invalid-request")
+    for number in range(16):
+        assert http.put(f"{job['links']['self']}/blocked/w{number}").status_code == 202
+    problem(http.put(path), 409, "too-many-blocked")
+    http.post(job["links"]["cancel"])
+    problem(http.put(path), 409, "job-ended")
+    problem(http.put(f"/v1/jobs/{'0' * 12}/blocked/w"), 404, "unknown-job")
+
+
+def test_a_failed_job_is_tried_again_on_other_workers(
+    http: httpx.Client, client: redis.Redis, worker: str
+) -> None:
+    hook = '"webhook": {"url": "https://studio.example/a"}'
+    job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {hook}}}')
+    problem(http.post(job["links"]["retry"]), 409, "job-not-ended")
+    owners = Ownerships(client, lease_s=60)
+    owned = owners.acquire(job["id"])
+    assert owned is not None
+    owners.plan(owned, range(2))
+    queue = SliceQueue(client, worker, 60)
+    lease = queue.lease(("scalar_rgb",), None, in_turn=False)
+    assert lease is not None
+    queue.fail(lease, "no such driver")
+    headers = {"Idempotency-Key": "again"}
+    first, second = (http.post(job["links"]["retry"], headers=headers) for _ in range(2))
+    again = first.json()
+    assert (first.status_code, first.headers["Location"]) == (201, f"/v1/jobs/{again['id']}")
+    assert (second.json()["id"], second.headers["Idempotency-Replayed"]) == (again["id"], "true")
+    assert (again["name"], again["spec"]["seed"], again["state"]) == ("kitchen", 3, "queued")
+    assert (again["spec"]["blocked"], again["spec"]["webhook"]) == (["old", worker], None)
+    assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
+
+
+def test_a_job_waits_for_others(http: httpx.Client) -> None:
+    first = submitted(http, '{"name": "box", "batch": "walk"}')
+    second = submitted(http, f'{{"after": ["{first["id"]}", "walk"], "name": "comp"}}')
+    words = f"waits for job box ({first['id']}), batch walk"
+    assert (second["awaits"], second["waits_for"], second["reason"]) == (2, words, words)
+    assert http.get("/metrics").text.count("plateau_jobs_unserved 1.0") == 1  # the first alone
+    for spec, why in (
+        ('{"after": ["0123456789ab"]}', "there is no job and no batch '0123456789ab'"),
+        ('{"after": [""]}', "must not be empty"),
+        ('{"after": "walk"}', "spec.after"),
+        (f'{{"after": {[*map(str, range(17))]}}}'.replace("'", '"'), "at most 16"),
+    ):
+        scene = {"scene": ("a.xml", SCENE_XML)}
+        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
+        detail = problem(answer, 422, "invalid-spec")["detail"]
+        assert detail.startswith("spec.after"), detail
+        assert why in detail, detail
+    http.post(first["links"]["cancel"])
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    answer = http.post("/v1/jobs", files=scene, data={"spec": '{"after": ["walk"]}'})
+    assert (
+        "was cancelled, so nothing can come after it"
+        in problem(answer, 422, "invalid-spec")["detail"]
+    )
+
+
+def test_a_job_waits_for_its_turn(http: httpx.Client) -> None:
+    first, second = (submitted(http, '{"batch": "walk", "at_once": 1}') for _ in range(2))
+    words = "waits for its turn: of its batch, at most 1 may be rendered at once"
+    assert [(one["awaits_turn"], one["waits_for"]) for one in (first, second)] == [
+        (False, "waits for a worker: there is none that takes work"),
+        (True, words),
+    ]
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    for spec in ('{"at_once": 1}', '{"batch": "walk", "at_once": 0}'):
+        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
+        assert "at_once" in problem(answer, 422, "invalid-spec")["detail"]
+
+
+def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:
+    for number in range(MOST_NEEDS + 1):
+        scene = {"scene": ("a.xml", SCENE_XML)}
+        answer = http.post("/v1/jobs", files=scene, data={"spec": f'{{"pool": "p{number}"}}'})
+    problem(answer, 409, "too-many-needs")
+
+
+class TestWithKeys:
+    @pytest.fixture
+    def url(self, redis_url: str, api_store: Blobs) -> Iterator[str]:
+        with live_api(redis_url, api_store, access=Access.KEYS) as url:
+            yield url
+
+    @pytest.mark.parametrize(
+        ("role", "status"), [(Role.VIEWER, 403), (Role.SUBMITTER, 403), (Role.ADMIN, 202)]
+    )
+    def test_it_takes_an_admin(
+        self, client: redis.Redis, url: str, worker: str, role: Role, status: int
+    ) -> None:
+        _, key = ApiKeys(client).create("page", role, LIMITS)
+        headers = {"Authorization": f"Bearer {key}"}
+        answer = httpx.post(f"{url}/v1/workers/{worker}/drain", headers=headers, trust_env=False)
+        assert answer.status_code == status

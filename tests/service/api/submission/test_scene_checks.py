@@ -1,0 +1,329 @@
+"""Checks of scenes cost what they may and no more, whoever sends what, and however many at once."""
+
+import asyncio
+import socket
+import tempfile
+import threading
+import time
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import psutil
+import pytest
+
+from plateau.client import Client
+from plateau.farm.bundle import BundleError, BundleLimits
+from plateau.service.api.scene_checks.pool import (
+    MOST_WAITING,
+    Checked,
+    Gone,
+    IsGone,
+    SceneChecks,
+    TooManyChecks,
+)
+from plateau.service.api.scene_checks.process import CheckBudget, CheckEnded
+from tests.support.farms.real_farm import BOX, RealFarm
+from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
+from tests.support.until import until
+
+#: As the issue has them.
+UPLOADS = 60
+MOST_S, MOST_WAIT_S, MOST_GROWTH = 60.0, 1.0, 300_000_000
+
+
+def included_often() -> bytes:
+    """Two kilobytes: ten levels of includes, thirty of the next in each."""
+    levels = [(f"{n}.xml", scene(*[include(f"{n + 1}.xml")] * 30, sensor="")) for n in range(10)]
+    top = [("scene.xml", scene(include("0.xml"))), ("10.xml", scene(sensor=""))]
+    return zipped([*top, *levels]).getvalue()
+
+
+def named_often() -> bytes:
+    """Less than a kilobyte: 200 includes of 2,000 names, all the same."""
+    names = scene(*[mesh("a.ply")] * 2000, sensor="")
+    top = scene(*[include("names.xml")] * 200)
+    return zipped({"scene.xml": top, "names.xml": names, "a.ply": PLY}).getvalue()
+
+
+def dear(attributes: int = 40_000, tags: int = 30, more: str = "") -> bytes:
+    """Some megabytes that take seconds: parameters put into so many attributes."""
+    tag = " ".join(["<a", *(f'a{number}="$w"' for number in range(attributes)), "/>"])
+    content = scene('<default name="w" value="1"/>', *[tag] * tags, more)
+    return zipped({"scene.xml": content}, zipfile.ZIP_STORED).getvalue()
+
+
+def many_entries() -> bytes:
+    """As many entries as may be, with long names."""
+    return zipped({f"{number}{'x' * 250}": b"" for number in range(10_000)}).getvalue()
+
+
+HOSTILE = (included_often, named_often, lambda: dear(tags=8, more=mesh("missing.ply")))
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Iterator[RealFarm]:
+    with RealFarm(tmp_path, tmp_path / "cache") as farm:
+        yield farm
+
+
+def post(url: str, content: bytes) -> httpx.Response:
+    with httpx.Client(base_url=url, trust_env=False, verify=False, timeout=MOST_S) as http:
+        return http.post("/v1/jobs", files={"scene": ("scene.zip", content)})
+
+
+def family(pid: int) -> list[psutil.Process]:
+    api = psutil.Process(pid)
+    return [api, *api.children()]
+
+
+def memory(pid: int) -> int:
+    """What the API and its processes have resident."""
+    total = 0
+    for process in family(pid):
+        try:
+            total += process.memory_info().rss
+        except psutil.NoSuchProcess:
+            continue
+    return total
+
+
+class TestAFlood:
+    def test_of_hostile_uploads_is_refused_and_nobody_notices(self, farm: RealFarm) -> None:
+        # Given an API that has taken a scene
+        farm.submit()
+        hostile = [make() for make in HOSTILE]
+        pid = farm.processes[0].pid
+        before = most = memory(pid)
+        over, waits = threading.Event(), list[float]()
+
+        def look() -> None:
+            nonlocal most
+            while not over.wait(0.02):
+                started = time.monotonic()
+                farm.client.jobs(limit=1)
+                waits.append(time.monotonic() - started)
+                most = max(most, memory(pid))
+
+        with ThreadPoolExecutor(UPLOADS + 2) as threads:
+            looking = threads.submit(look)
+            # When sixty hostile ones come at once
+            started = time.monotonic()
+            answers = [
+                threads.submit(post, farm.url, hostile[number % len(hostile)])
+                for number in range(UPLOADS)
+            ]
+            # And somebody submits a scene meanwhile
+            with Client(farm.url, patience_s=MOST_S) as client:
+                job = client.submit(BOX)
+            refused = Counter(answer.result().status_code for answer in answers)
+            took_s = time.monotonic() - started
+            over.set()
+            looking.result()
+        # Then all of them are refused, for what they are or because there are so many
+        assert set(refused) <= {422, 503}
+        assert refused.total() == UPLOADS
+        assert refused[422] >= 1
+        for answer in (one.result() for one in answers):
+            assert answer.status_code == 422 or int(answer.headers["Retry-After"]) >= 1
+        assert took_s < MOST_S
+        # And the scene is taken
+        assert job.state == "queued"
+        # And others are served as ever
+        assert max(waits) < MOST_WAIT_S
+        # And the memory is what it was
+        assert most - before < MOST_GROWTH
+        print(
+            f"\n{dict(refused)} in {took_s:.1f} s; GET /v1/jobs took {max(waits):.2f} s at most; "
+            f"{(most - before) / 1e6:.0f} MB more than {before / 1e6:.0f} MB"
+        )
+
+
+class TestTheProcess:
+    def test_ends_the_check_of_a_client_that_has_gone(self, farm: RealFarm) -> None:
+        # Given an upload whose check takes seconds
+        pid = farm.processes[0].pid
+        content = dear()
+        body = (
+            b'--edge\r\nContent-Disposition: form-data; name="scene"; filename="a.zip"\r\n\r\n'
+            + content
+            + b"\r\n--edge--\r\n"
+        )
+        head = (
+            "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Length: "
+            f"{len(body)}\r\nContent-Type: multipart/form-data; boundary=edge\r\n\r\n"
+        )
+        address = urlsplit(farm.url)
+        with socket.create_connection((address.hostname or "", address.port or 0)) as client:
+            client.sendall(head.encode() + body)
+            until(lambda: busy(pid))
+            [checking] = busy(pid)
+        # When the client goes, then so does the process, which else would serve the next
+        until(lambda: not checking.is_running())
+        # And no job was made, and the next upload is checked
+        assert farm.client.jobs().jobs == []
+        assert farm.submit().state == "queued"
+
+    def test_knows_no_credentials_and_ends_with_an_api_that_is_killed(self, farm: RealFarm) -> None:
+        farm.submit()
+        api = farm.processes[0]
+        [child, *_] = children = psutil.Process(api.pid).children()
+        assert "PLATEAU_REDIS_URL" in psutil.Process(api.pid).environ()
+        assert not any(name.startswith("PLATEAU") for name in child.environ())
+        farm.kill(api)
+        _, alive = psutil.wait_procs(children, timeout=60)
+        assert not alive
+
+
+def busy(pid: int) -> list[psutil.Process]:
+    """Processes of the API that have worked for longer than it takes to start one."""
+    return [one for one in family(pid)[1:] if one.cpu_times().user > 0.5]
+
+
+async def stays() -> bool:
+    return False
+
+
+@pytest.fixture
+def make() -> Iterator[Callable[..., SceneChecks]]:
+    """Makes checks with limits that bound nothing, so that the budget has to."""
+    made: list[SceneChecks] = []
+    limits = BundleLimits(max_xml_bytes=2**40, max_xml_elements=2**40, max_substitutions=2**40)
+
+    def make(**budget: float) -> SceneChecks:
+        made.append(SceneChecks(limits, CheckBudget(**budget)))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield make
+    for checks in made:
+        checks.close()
+
+
+async def check(
+    checks: SceneChecks,
+    content: bytes,
+    *,
+    is_gone: IsGone = stays,
+    values: int = 1,
+    total_s: float = 60.0,
+) -> Checked:
+    """What is found in the upload with the same values so many times."""
+    with tempfile.TemporaryFile() as file:
+        file.write(content)
+        file.flush()
+        async with checks.turn(is_gone) as turn:
+            return await turn.check(file, [({}, 0)] * values, total_s=total_s)
+
+
+GOOD = scene()
+
+
+class TestTheBudget:
+    @pytest.mark.parametrize(
+        ("budget", "content", "says"),
+        [
+            ({"cpu_s": 1.0}, lambda: dear(tags=100), "more than 1 s of CPU time"),
+            ({"deadline_s": 2.0}, lambda: dear(tags=100), "more than 2 s to check"),
+            ({"memory_bytes": 24 * 2**20}, many_entries, "more than 24 MiB of memory"),
+        ],
+        ids=["CPU time", "deadline", "memory"],
+    )
+    def test_is_kept_whatever_the_scene(
+        self,
+        make: Callable[..., SceneChecks],
+        budget: dict[str, float],
+        content: Callable[[], bytes],
+        says: str,
+    ) -> None:
+        checks = make(**budget)
+
+        async def story() -> None:
+            # Given a scene that costs more, its check is ended
+            with pytest.raises(BundleError, match=says) as refused:
+                await check(checks, content())
+            assert refused.value.code == "xml-too-large"
+            # And the next one is made as ever
+            assert (await check(checks, GOOD)).sizes == [(768, 576)]
+
+        asyncio.run(story())
+
+    def test_of_many_values_is_one_and_those_known_by_then_are_told(
+        self, make: Callable[..., SceneChecks]
+    ) -> None:
+        checks = make(turn_s=0.01)
+        found = asyncio.run(check(checks, dear(tags=2), values=1000, total_s=0.3))
+        assert 1 <= len(found.sizes) < 1000
+        assert found.error is None
+
+
+class TestATurn:
+    def test_comes_between_the_values_of_a_long_check(
+        self, make: Callable[..., SceneChecks]
+    ) -> None:
+        checks = make(turn_s=0.01)
+
+        async def story() -> None:
+            # Given two checks of very many values, which have the two turns there are
+            long = [asyncio.create_task(check(checks, dear(tags=1), values=500)) for _ in range(2)]
+            await asyncio.sleep(0)
+            # When a third comes, it is made before they are done
+            assert (await check(checks, GOOD)).sizes == [(768, 576)]
+            assert not any(task.done() for task in long)
+            for task in long:
+                task.cancel()
+            await asyncio.wait(long)
+
+        asyncio.run(story())
+
+    def test_is_refused_where_too_many_wait_and_given_up_by_who_has_gone(
+        self, make: Callable[..., SceneChecks]
+    ) -> None:
+        checks = make()
+        has_gone = asyncio.Event()
+
+        async def is_gone() -> bool:
+            return has_gone.is_set()
+
+        async def story() -> None:
+            # Given as many checks as there are turns, and as many more as may wait
+            content = dear()
+            tasks = [
+                asyncio.create_task(check(checks, content, is_gone=is_gone))
+                for _ in range(2 + MOST_WAITING)
+            ]
+            await asyncio.sleep(0)
+            # When one more comes, it is refused
+            with pytest.raises(TooManyChecks):
+                await check(checks, GOOD)
+            # When all have gone, their checks end
+            has_gone.set()
+            ended = await asyncio.gather(*tasks, return_exceptions=True)
+            assert {type(one) for one in ended} == {Gone}
+            # And there is a turn for who comes now
+            assert (await check(checks, GOOD)).sizes == [(768, 576)]
+
+        asyncio.run(story())
+
+    def test_ends_without_a_verdict_where_somebody_ends_the_process(
+        self, make: Callable[..., SceneChecks]
+    ) -> None:
+        checks = make()
+
+        async def story() -> None:
+            others = set(psutil.Process().children())
+            await check(checks, GOOD)
+            [child] = set(psutil.Process().children()) - others
+            task = asyncio.create_task(check(checks, dear(tags=100)))
+            before_s = child.cpu_times().user
+            while child.cpu_times().user <= before_s:
+                await asyncio.sleep(0.01)
+            child.kill()
+            with pytest.raises(CheckEnded):
+                await task
+            assert (await check(checks, GOOD)).sizes == [(768, 576)]
+
+        asyncio.run(story())

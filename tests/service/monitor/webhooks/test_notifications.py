@@ -1,0 +1,203 @@
+"""Targets that the operator names are notified by mail and over HTTP, of jobs and whole batches."""
+
+import io
+import json
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from email import message_from_bytes, policy
+from email.message import EmailMessage
+from pathlib import Path
+from typing import Any
+
+import pytest
+import redis
+from aiosmtpd.controller import Controller
+
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.model.states import JobState
+from plateau.farm.process.addresses import Receivers
+from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.wake import Wake
+from plateau.farm.wire.costs import Price
+from plateau.service.monitor.webhooks.deliverers import Deliverer
+from plateau.service.monitor.webhooks.notifications import Notifications
+from plateau.service.monitor.webhooks.requests import Requests
+from tests.support.farms.receiver import OK, receiving
+from tests.support.farms.staged_job import StagedJob
+from tests.support.until import until
+
+PATH = "a-secret-path"
+
+
+@contextmanager
+def delivering(redis_url: str, notifications: Notifications) -> Iterator[None]:
+    client = connect(redis_url)
+    deliverer = Deliverer(
+        Outbox(client),
+        Wake(client, keys.WAKE_WEBHOOKS),
+        Requests(Receivers(())),
+        notifications=notifications,
+        lease_s=30.0,
+        delay_s=lambda *_: 0.05,
+        look_s=0.05,
+    )
+    thread = threading.Thread(target=deliverer.run)
+    thread.start()
+    try:
+        yield
+    finally:
+        deliverer.stop()
+        thread.join()
+
+
+def ended(client: redis.Redis, state: JobState = JobState.CONVERGED, **spec: Any) -> StagedJob:
+    job = StagedJob(client, **spec)
+    job.commit(4)
+    job.point(100, visible=3)
+    job.end(state, "levelled off")
+    job.finish()
+    return job
+
+
+def by_json(url: str) -> str:
+    """The URL of apprise that POSTs JSON there."""
+    return f"{url.replace('http', 'json', 1).partition('/hook')[0]}/{PATH}"
+
+
+def state(client: redis.Redis, job: StagedJob, number: int = 1) -> str:
+    return Outbox(client).deliveries(job.id)[number - 1].state
+
+
+class Mails:
+    """A mailbox behind an SMTP server."""
+
+    def __init__(self) -> None:
+        self.came: list[EmailMessage] = []
+
+    async def handle_DATA(  # noqa: N802
+        self, _server: object, _session: object, envelope: Any
+    ) -> str:
+        mail = message_from_bytes(envelope.content, policy=policy.default)
+        assert isinstance(mail, EmailMessage)
+        self.came.append(mail)
+        return "250 OK"
+
+
+class SmtpServer(Controller):
+    """On a port that the system chooses."""
+
+    def _trigger_server(self) -> None:
+        self.port = self.server.sockets[0].getsockname()[1]
+        super()._trigger_server()
+
+
+def test_a_mail_says_what_ended_why_and_what_it_cost(client: redis.Redis, redis_url: str) -> None:
+    mails = Mails()
+    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
+    server.start()
+    try:
+        mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
+        targets = Targets({"ops": f"{mail}&mode=insecure"})
+        with delivering(redis_url, Notifications(targets, Price(3600, "EUR"), "https://farm/")):
+            job = ended(client, notify=["ops"])
+            until(lambda: state(client, job) == "delivered", 60)
+    finally:
+        server.stop()
+    [came] = mails.came
+    part = came.get_body(("plain", "html"))
+    assert part is not None
+    text = part.get_content()
+    assert (came["subject"], came["to"]) == ("box.xml converged", "ops@studio.example")
+    for words in (f"Job {job.id}: levelled off", "100 spp", "noise left 0.1", "cost 2 EUR"):
+        assert words in text
+    assert f"https://farm/jobs/{job.id}" in text
+
+
+def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
+    client: redis.Redis, redis_url: str
+) -> None:
+    stream = io.StringIO()
+    handler = logging.StreamHandler(stream)
+    logging.getLogger().addHandler(handler)
+    answers = lambda number, _: (500, {}) if number < 2 else OK  # noqa: E731
+    try:
+        with receiving(answers) as receiver:
+            targets = Targets({"ops": by_json(receiver.url)})
+            with delivering(redis_url, Notifications(targets)):
+                job = ended(client, notify=["ops"])
+                until(lambda: state(client, job) == "delivered", 60)
+    finally:
+        logging.getLogger().removeHandler(handler)
+    [delivery] = Outbox(client).deliveries(job.id)
+    assert (delivery.event, delivery.target, len(delivery.tries)) == ("finished", "ops", 2)
+    assert "`plateau notify ops`" in (delivery.tries[0].error or "")
+    assert delivery.tries[1].error is None
+    told = json.loads(receiver.received[1].body)
+    assert told["title"] == "box.xml converged"
+    assert PATH in receiver.received[1].path
+    assert PATH not in stream.getvalue() + delivery.model_dump_json()
+
+
+def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
+    client: redis.Redis, redis_url: str
+) -> None:
+    names = {"batch": "walk", "notify": ["ops"]}
+    first, second, third = (StagedJob(client, **names) for _ in range(3))
+    second.end(JobState.FAILED, "no such plugin")
+    second.finish()
+    assert len(Outbox(client).deliveries(second.id)) == 1
+    for job in (first, third):
+        job.end(JobState.CANCELLED, "not needed")
+        job.finish()
+    assert Outbox(client).deliveries(first.id) == []
+    with receiving() as receiver:
+        targets = Targets({"ops": by_json(receiver.url)})
+        with delivering(redis_url, Notifications(targets)):
+            receiver.wait_for(2)
+            until(lambda: state(client, third) == "delivered", 60)
+    told = {one["title"]: one["message"] for one in map(_body, receiver.received)}
+    assert {*told} == {"box.xml failed", "batch walk has ended"}
+    assert "no such plugin" in told["box.xml failed"]
+    assert "3 jobs: 2 cancelled, 1 failed" in told["batch walk has ended"]
+
+
+def _body(received: Any) -> dict[str, str]:
+    body: dict[str, str] = json.loads(received.body)
+    return body
+
+
+def test_a_job_has_a_webhook_and_targets_and_each_of_them_its_own_message(
+    client: redis.Redis, redis_url: str
+) -> None:
+    hook = {"url": "https://studio.example/hook", "events": ["finished"]}
+    job = ended(client, notify=["lead", "ops"], webhook=hook)
+    found = Outbox(client).deliveries(job.id)
+    assert [one.target for one in found] == [None, "lead", "ops"]
+    assert all(one.next_try_at is not None for one in found)
+
+
+class TestTheFileOfTargets:
+    def test_has_names_and_urls(self, tmp_path: Path) -> None:
+        file = tmp_path / "targets"
+        file.write_text("# who\nops json://127.0.0.1/x\n\nlead  slack://a/b/c\n")
+        found = read_targets(Settings(notify_file=file, notify="ops"))
+        assert found.urls == {"ops": "json://127.0.0.1/x", "lead": "slack://a/b/c"}
+        assert found.with_always(("lead",)) == ("lead", "ops")
+        assert "slack" not in repr(found)
+
+    @pytest.mark.parametrize("line", [f"ops {PATH}", f"json://{PATH}", f"o/p json://{PATH}"])
+    def test_is_refused_without_showing_its_secrets(self, line: str, tmp_path: Path) -> None:
+        file = tmp_path / "targets"
+        file.write_text(f"lead json://x\n{line}\n")
+        with pytest.raises(BadTargets, match="line 2") as refused:
+            read_targets(Settings(notify_file=file))
+        assert PATH not in str(refused.value)
+
+    def test_has_every_name_that_is_notified_of_all(self) -> None:
+        with pytest.raises(BadTargets, match="no target 'ops'"):
+            read_targets(Settings(notify="ops"))

@@ -1,0 +1,253 @@
+"""A webhook's request is signed, goes to the address that was checked, and never lasts for long."""
+
+import itertools
+import socket
+import ssl
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta, timezone
+from urllib.parse import urlsplit
+
+import pytest
+import trustme
+from standardwebhooks import Webhook, WebhookVerificationError
+
+from plateau.farm.ledger.outbox import new_secret
+from plateau.farm.process.addresses import Receivers
+from plateau.service.monitor.webhooks.requests import NoAnswer, Requests, signed_headers
+from tests.support.farms.receiver import OK, SECRET, Answer, receiving
+
+BODY = b'{"type": "job.converged"}'
+HERE = Receivers(("127.0.0.0/8",))
+NEVER_S = 600  #: longer than a test may take
+
+
+def headers(body: bytes = BODY, *secrets: str) -> dict[str, str]:
+    return signed_headers("msg_1", datetime.now(timezone.utc), body, secrets or (SECRET,))
+
+
+def requests(receivers: Receivers = HERE, **times: float) -> Requests:
+    return Requests(receivers, **times)
+
+
+@pytest.fixture(scope="session")
+def authority() -> trustme.CA:
+    return trustme.CA()
+
+
+def trusting(authority: trustme.CA, receivers: Receivers) -> Requests:
+    tls = ssl.create_default_context()
+    authority.configure_trust(tls)
+    return Requests(receivers, lambda: tls)
+
+
+def serving(authority: trustme.CA, name: str) -> ssl.SSLContext:
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    authority.issue_cert(name).configure_cert(tls)
+    return tls
+
+
+@contextmanager
+def speaking(words: Iterable[bytes], pause_s: float = 0.0) -> Iterator[str]:
+    """The URL of a server that says these words to whoever connects, with pauses, and stays."""
+    over = threading.Event()
+
+    def serve() -> None:
+        while not over.is_set():
+            try:
+                connection, _ = listener.accept()
+            except TimeoutError:
+                continue
+            with connection:
+                try:
+                    for word in words:
+                        connection.sendall(word)
+                        if over.wait(pause_s):
+                            break
+                    connection.settimeout(0.1)
+                    while not over.is_set():
+                        try:
+                            if not connection.recv(65536):
+                                break
+                        except TimeoutError:
+                            continue
+                except OSError:
+                    continue
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(0.1)
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
+        finally:
+            over.set()
+            thread.join()
+
+
+class TestTheSignature:
+    def test_is_what_the_library_of_standard_webhooks_expects(self) -> None:
+        assert Webhook(SECRET).verify(BODY, headers()) == {"type": "job.converged"}
+
+    def test_is_of_the_whole_body(self) -> None:
+        with pytest.raises(WebhookVerificationError):
+            Webhook(SECRET).verify(BODY + b" ", headers())
+
+    def test_is_of_this_secret(self) -> None:
+        with pytest.raises(WebhookVerificationError):
+            Webhook(new_secret()).verify(BODY, headers())
+
+    def test_may_be_by_two_secrets_while_one_replaces_the_other(self) -> None:
+        old, new = new_secret(), new_secret()
+        signed = headers(BODY, new, old)
+        for secret in (old, new):
+            Webhook(secret).verify(BODY, signed)
+
+    def test_is_of_this_moment(self) -> None:
+        then = datetime.now(timezone.utc) - timedelta(minutes=10)
+        with pytest.raises(WebhookVerificationError, match="too old"):
+            Webhook(SECRET).verify(BODY, signed_headers("msg_1", then, BODY, (SECRET,)))
+
+
+class TestARequest:
+    def test_arrives_as_it_was_signed(self) -> None:
+        with receiving() as receiver:
+            assert requests().post(receiver.url, headers(), BODY).status == 200
+        [received] = receiver.received
+        assert received.path == "/hook?from=plateau"
+        assert received.body == BODY
+        assert received.headers["host"] == urlsplit(receiver.url).netloc
+        assert received.headers["content-type"] == "application/json"
+        assert received.headers["user-agent"].startswith("Plateau/")
+        received.verified()
+
+    def test_follows_no_redirect(self) -> None:
+        with receiving() as private:
+            with receiving(lambda *_: (302, {"Location": private.url})) as receiver:
+                assert requests().post(receiver.url, headers(), BODY).status == 302
+            assert private.received == []
+
+    def test_knows_no_proxy(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        with receiving() as proxy, receiving() as receiver:
+            for name in ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "ALL_PROXY"):
+                monkeypatch.setenv(name, proxy.url)
+            requests().post(receiver.url, headers(), BODY)
+            assert (len(receiver.received), len(proxy.received)) == (1, 0)
+
+    def test_hears_when_it_is_to_be_tried_again(self) -> None:
+        with receiving(lambda *_: (429, {"Retry-After": "120"})) as receiver:
+            assert requests().post(receiver.url, headers(), BODY).retry_after_s == 120
+        for odd in ("-1", "soon", "1" * 40, "Fri, 21 Nov 2036 12:00:00 GMT"):
+            with receiving(lambda *_, odd=odd: (503, {"Retry-After": odd})) as receiver:
+                assert requests().post(receiver.url, headers(), BODY).retry_after_s == 0
+
+
+class TestTheGuard:
+    def test_connects_to_nobody_who_is_not_allowed(self) -> None:
+        with receiving() as receiver:
+            with pytest.raises(NoAnswer, match="no public address"):
+                requests(Receivers()).post(receiver.url, headers(), BODY)
+            assert receiver.received == []
+
+    def test_connects_to_the_address_that_it_checked(self) -> None:
+        """A name that is a public address when asked first, and this machine from then on."""
+        asked: list[str] = []
+
+        def rebinding(host: str, port: int) -> list[str]:
+            asked.append(host)
+            return ["192.0.2.1" if len(asked) == 1 else "127.0.0.1"]
+
+        with receiving() as receiver:
+            port = urlsplit(receiver.url).port
+            # The first address is allowed here, and nobody is there
+            receivers = Receivers(("192.0.2.1",), look_up=rebinding)
+            with pytest.raises(NoAnswer):
+                requests(receivers, connect_s=0.5).post(
+                    f"http://evil.example:{port}/", headers(), BODY
+                )
+            assert asked == ["evil.example"]
+            # At the next try the name is asked again, and refused for what it means now
+            with pytest.raises(NoAnswer, match="no public address"):
+                requests(receivers).post(f"http://evil.example:{port}/", headers(), BODY)
+            assert receiver.received == []
+
+    def test_tries_the_other_addresses_of_a_host(self) -> None:
+        receivers = Receivers(("127.0.0.0/8",), look_up=lambda *_: ["127.0.0.2", "127.0.0.1"])
+        with receiving() as receiver:
+            url = f"http://hooks.lab:{urlsplit(receiver.url).port}/"
+            assert requests(receivers).post(url, headers(), BODY).status == 200
+
+
+class TestTls:
+    def test_is_verified_against_the_name_whatever_the_address(self, authority: trustme.CA) -> None:
+        receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
+        with receiving(tls=serving(authority, "hooks.lab")) as receiver:
+            url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
+            assert trusting(authority, receivers).post(url, headers(), BODY).status == 200
+            receiver.received[0].verified()
+
+    def test_of_another_name_is_refused(self, authority: trustme.CA) -> None:
+        receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
+        with receiving(tls=serving(authority, "other.lab")) as receiver:
+            url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
+            with pytest.raises(NoAnswer, match="certificate verify failed"):
+                trusting(authority, receivers).post(url, headers(), BODY)
+            assert receiver.received == []
+
+    def test_by_an_unknown_authority_is_refused(self, authority: trustme.CA) -> None:
+        with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
+            with pytest.raises(NoAnswer, match="certificate verify failed"):
+                requests().post(receiver.url, headers(), BODY)
+            assert receiver.received == []
+
+    def test_trusts_the_authorities_that_the_environment_names(
+        self, authority: trustme.CA, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        with authority.cert_pem.tempfile() as bundle:
+            monkeypatch.setenv("SSL_CERT_FILE", bundle)
+            with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
+                assert requests().post(receiver.url, headers(), BODY).status == 200
+
+
+class TestTime:
+    def test_a_receiver_that_hangs(self) -> None:
+        left = threading.Event()
+
+        def wait(*_: object) -> Answer:
+            left.wait(NEVER_S)
+            return OK
+
+        with receiving(wait) as receiver:
+            with pytest.raises(NoAnswer, match=r"no answer within 2 s"):
+                requests(total_s=2).post(receiver.url, headers(), BODY)
+            left.set()
+
+    def test_an_answer_that_comes_drop_by_drop(self) -> None:
+        # Each drop comes in time, and all of them never
+        with speaking(itertools.repeat(b"H"), pause_s=0.2) as url, pytest.raises(NoAnswer):
+            requests(total_s=1.5).post(url, headers(), BODY)
+
+    def test_a_body_without_an_end_is_left(self) -> None:
+        endless = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n" + b"x" * 1_000_000
+        with speaking([endless]) as url:
+            assert requests(total_s=NEVER_S).post(url, headers(), BODY).status == 200
+
+    def test_a_body_that_never_comes_delays_and_hides_nothing(self) -> None:
+        with speaking([b"HTTP/1.1 500 Oh\r\nContent-Length: 10\r\n\r\n"]) as url:
+            assert requests(total_s=2).post(url, headers(), BODY).status == 500
+
+    def test_nobody_listens(self) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            port = listener.getsockname()[1]
+        with pytest.raises(NoAnswer, match="refused"):
+            requests().post(f"http://127.0.0.1:{port}/", headers(), BODY)
+
+    def test_what_is_no_http(self) -> None:
+        with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoAnswer):
+            requests(total_s=2).post(url, headers(), BODY)
+
+    def test_headers_without_an_end(self) -> None:
+        flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
+        with speaking([flood]) as url, pytest.raises(NoAnswer):
+            requests(total_s=5).post(url, headers(), BODY)

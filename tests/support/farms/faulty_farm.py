@@ -1,0 +1,107 @@
+"""A real farm whose processes can be armed to be hit at an exact stage of their work."""
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import psutil
+
+from tests.support.farms.real_farm import RealFarm
+from tests.support.until import until
+
+SIZE = 32
+#: Converges at some 640 spp, after two or three seconds of a quiet worker.
+SPEC: dict[str, Any] = {
+    "parameters": {"width": SIZE, "height": SIZE},
+    "step": 40,
+    "slice_spp": 20,
+    "max_spp": 1200,
+    "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
+}
+#: The same by zones, which do all that frames do, and decide the plan besides.
+BY_ZONES: dict[str, Any] = {
+    **SPEC,
+    "slice_spp": 10,
+    "allocation": {"name": "zones", "size": 16},
+}
+
+
+class FaultyFarm(RealFarm):
+    """`RealFarm`, with processes that meet a signal on their way."""
+
+    def start_armed(
+        self,
+        role: str,
+        where: str,
+        *arguments: str,
+        when: str = "before",
+        time: int = 1,
+        signal_name: str = "SIGKILL",
+        target: str = "self",
+        constants: dict[str, object] | None = None,
+        inside: tuple[str, ...] = (),
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
+        """Start a process that a signal hits at a stage; see `tests.support.faults.stages`."""
+        stage = {
+            "where": where,
+            "when": when,
+            "time": time,
+            "signal": signal_name,
+            "target": target,
+            "set": constants or {},
+        }
+        return self._start_on(stage, role, *arguments, inside=inside, **environment)
+
+    def start_changed(
+        self,
+        role: str,
+        *arguments: str,
+        environment: Mapping[str, str] = MappingProxyType({}),
+        **changes: object,
+    ) -> subprocess.Popen[bytes]:
+        """Start a process with changes of `stages`, such as `set` or `clock_s`."""
+        return self._start_on(changes, role, *arguments, **environment)
+
+    def start_patient(self, role: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start a process for which a slice may be tried a thousand times.
+
+        Three faults at random may well meet on one slice, and its job would rightly fail.
+        """
+        return self.start_changed(
+            role, *arguments, set={"plateau.farm.ledger.queue:MAX_TRIES": 1000}
+        )
+
+    def _start_on(
+        self,
+        stage: dict[str, Any],
+        role: str,
+        *arguments: str,
+        inside: tuple[str, ...] = (),
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
+        armed = json.dumps(stage)
+        module = "tests.support.faults.stages"
+        return self.start(
+            role, *arguments, module=module, inside=inside, STAGE=armed, **environment
+        )
+
+    def wait_until_ended(self, process: subprocess.Popen[bytes], by: signal.Signals) -> None:
+        """Wait until the signal has ended the process, which is then forgotten."""
+        until(lambda: process.poll() is not None)
+        assert process.returncode == -by
+        self.processes.remove(process)
+
+    def wait_until_stopped(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait until SIGSTOP has hit the process."""
+        until(lambda: psutil.Process(process.pid).status() == psutil.STATUS_STOPPED)
+
+    def resume(self, process: subprocess.Popen[bytes]) -> None:
+        os.kill(process.pid, signal.SIGCONT)
+
+    def wait_for_workers(self, count: int) -> None:
+        until(lambda: len(self.client.workers()) == count)

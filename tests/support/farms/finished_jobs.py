@@ -1,0 +1,26 @@
+"""Jobs of a `NoiseFarm` that are rendered to their end, with quiet monitors and with busy ones."""
+
+from plateau.farm.model.job import Job
+from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.faults.invariants import check_job
+from tests.support.until import until
+
+
+def finished(farm: NoiseFarm, **spec: object) -> Job:
+    """A finished job of this spec, of which everything holds that must."""
+    job = farm.submit(**spec)
+    with farm.monitor():
+        done = farm.finish(job)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+    return done
+
+
+def finish_by_many_monitors(farm: NoiseFarm, job: Job) -> None:
+    """Finish the job by monitors that change all the time, with slices that come last first."""
+    while not farm.is_finished(job):
+        with farm.monitor():
+            held = [lease for lease in (farm.lease() for _ in range(6)) if lease]
+            for lease in reversed(held):
+                farm.commit(lease)
+            if not held:
+                until(lambda: farm.is_finished(job) or farm.jobs.census().slices["waiting"] > 0)

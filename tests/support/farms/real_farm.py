@@ -1,0 +1,139 @@
+"""A real farm in real processes: Redis, API, monitor and workers, each one to be killed."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import TracebackType
+
+import psutil
+import redis
+
+from plateau.client import Client
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Pixels, decode_image
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from plateau.farm.wire.views import JobView
+
+BOX = Path(__file__).parents[3] / "scenes" / "box"
+
+
+class Farm:
+    """A farm that runs somewhere, as its users and its keeper see it."""
+
+    jobs: Jobs
+    store: Blobs
+    redis_client: redis.Redis
+    client: Client
+
+    def submit(self, scene: Path = BOX, **spec: object) -> JobView:
+        return self.client.submit(scene, JobSpec.model_validate(spec))
+
+    def image(self, job: JobView) -> Pixels:
+        return decode_image(self.client.image(job.id, "image.exr"))
+
+    def curve(self, job: JobView) -> list[dict[str, object]]:
+        """The curve but for the times of its points."""
+        points: list[CurvePoint] = self.client.curve(job.id)
+        return [point.model_dump(exclude={"at"}) for point in points]
+
+
+class RealFarm(Farm):
+    """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
+
+    def __init__(
+        self, folder: Path, cache: Path, blobs: Path | str | None = None, **settings: str
+    ) -> None:
+        self.redis = self._start_redis(folder / "redis")
+        self.environment = {
+            **os.environ,
+            "PLATEAU_REDIS_URL": self.redis.url,
+            "PLATEAU_BLOBS": str(blobs or folder / "blobs"),
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_THREADS": "1",
+            # So that a killed process is missed soon.
+            "PLATEAU_HEARTBEAT_S": "0.5",
+            "PLATEAU_LEASE_S": "2",
+            **settings,
+        }
+        self.store = Blobs(str(blobs or folder / "blobs"))
+        self.redis_client = connect(self.redis.url)
+        self.jobs = Jobs(self.redis_client)
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.url = self._start_api()
+        self.client = Client(self.url)
+
+    def __enter__(self) -> "RealFarm":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.client.close()
+        left = [
+            child
+            for process in self.processes
+            if process.poll() is None
+            for child in psutil.Process(process.pid).children(recursive=True)
+        ]
+        for process in self.processes:
+            process.send_signal(signal.SIGTERM)
+        codes = {process.wait(60) for process in self.processes if process.poll() is None}
+        self.redis.stop()
+        assert codes <= {0}, "a process did not stop cleanly"
+        _, alive = psutil.wait_procs(left, timeout=60)
+        assert not alive, f"left behind: {alive}"
+
+    def start(
+        self,
+        *arguments: str,
+        passed: tuple[int, ...] = (),
+        module: str = "plateau",
+        inside: tuple[str, ...] = (),
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            [*inside, sys.executable, "-m", module, *arguments],
+            env={**self.environment, **environment},
+            pass_fds=passed,
+            start_new_session=True,
+        )
+        self.processes.append(process)
+        return process
+
+    def workers(self, count: int) -> list[subprocess.Popen[bytes]]:
+        return [self.start("worker") for _ in range(count)]
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """Kill a process outright; what it started must die by itself."""
+        process.kill()
+        process.wait()
+        self.processes.remove(process)
+
+    def stop_all(self) -> None:
+        """Stop all but the API, cleanly."""
+        for process in self.processes[1:]:
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+        codes = [process.wait(60) for process in self.processes[1:]]
+        del self.processes[1:]
+        # One that was told before it listened is ended by the signal itself.
+        assert set(codes) <= {0, -signal.SIGTERM}, f"a process did not stop cleanly: {codes}"
+
+    def _start_redis(self, data: Path) -> EmbeddedRedis:
+        return EmbeddedRedis(data)
+
+    def _start_api(self) -> str:
+        reads, writes = os.pipe()
+        self.start("api", "--port", "0", "--ready-fd", str(writes), passed=(writes,))
+        os.close(writes)
+        with os.fdopen(reads) as pipe:
+            return pipe.readline().strip()
