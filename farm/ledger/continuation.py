@@ -27,8 +27,9 @@ from plateau.farm.model.errors import CannotContinue, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.slices.plan import Plan
-from plateau.farm.model.slices.rounds import LAG, Round
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.allocation import LAG
 from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient

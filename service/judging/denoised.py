@@ -45,12 +45,13 @@ class DenoisingTask:
         """
         halves = merge.halves(as_seen=False)
         assert halves is not None
+        others = merge.other_halves(as_seen=False) if spec.by_zones and is_point else None
         return cls(
             merge.image(as_seen=False),
             _as_halves(halves),
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
-            _as_halves(merge.other_halves(as_seen=False)) if spec.by_zones and is_point else None,
+            None if others is None else _as_halves(others),
             is_draft,
             merge.look,
         )

@@ -127,11 +127,8 @@ class Judge:
         self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
         forecast, decided = None, None
         if self._target and not flaw:
-            if plan is not None and merge.zone_spp is not None:
-                if denoised is None:
-                    chosen_by = replace(evidence, halves=_as_halves(*merge.other_halves()))
-                else:
-                    chosen_by = replace(evidence, error=denoised.others)
+            chosen_by = _by_other_halves(evidence, merge, denoised)
+            if plan is not None and chosen_by is not None and merge.zone_spp is not None:
                 allotted = allotment(chosen_by, self._target, plan, merge.zone_spp)
                 decided, at = allotted.round, allotted.forecast_spp
                 forecast = Forecast(at, None, None)
@@ -289,6 +286,18 @@ def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
 
 def _as_halves(one: tuple[Pixels, float], other: tuple[Pixels, float]) -> tuple[Half, Half]:
     return Half(*one), Half(*other)
+
+
+def _by_other_halves(
+    evidence: Evidence, merge: Merge, denoised: Denoised | None
+) -> Evidence | None:
+    """Return the evidence by which zones are chosen; None of whole frames, and without halves."""
+    if merge.zone_spp is None:
+        return None
+    if denoised is not None:
+        return replace(evidence, error=denoised.others) if denoised.others else None
+    halves = merge.other_halves()
+    return replace(evidence, halves=_as_halves(*halves)) if halves else None
 
 
 def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:

@@ -219,11 +219,14 @@ class Merge:
 
     def other_halves(
         self, *, as_seen: bool = True
-    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
+    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
         """Return two other halves, by zones at the end of a round: two slices in turn for each.
 
-        Zones are chosen by these, since an estimate by halves that choose would flatter them.
+        Zones are chosen by these, since an estimate by halves that choose would flatter them. Where
+        a cap ends the first rounds between them, there are none.
         """
+        if self.slices % 4:
+            return None
         assert self._other is not None
         assert self._sampled is not None
         return self._zoned_halves(self._other, self._sampled.spp // 2, as_seen)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.slices.looks import Looks
-from plateau.farm.model.slices.rounds import LAG, Round
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.slices.zones import Grid, pixels_of
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.allocation import LAG, ZonesAllocation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -126,7 +126,7 @@ class Plan:
     @property
     def is_complete(self) -> bool:
         """Whether the cap leaves no room for more slices than those that are decided."""
-        if not self.by_zones or self._most <= LAG * self.step_slices:
+        if not self.by_zones or self.max_spp <= LAG * self.step_slices * self.slice_spp:
             return True
         return any(not one.slices for one in self.decided)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from plateau.farm.model.slices.zones import Grid, Zone
 from plateau.farm.model.spec.allocation import ZonesAllocation
@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from plateau.farm.model.spec import SharedSpec
-
-#: Rounds after which the image decides: that of round k decides round k + LAG.
-LAG: Final = 2
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from plateau.farm.model.spec.rule_model import Strict
 
 #: Zones begin at multiples of this many pixels.
 _ALIGNMENT: Final = 16
+#: The first rounds, which are steps of whole films: the image of round k decides round k + LAG.
+LAG: Final = 2
 
 
 class FrameAllocation(Strict):

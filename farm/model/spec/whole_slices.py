@@ -2,13 +2,15 @@
 
 Seeds, halves and sums are by slices, all of one size. So the size of the slices gives way first,
 then the step; the cap changes only where no slice of a useful size divides it, and then falls.
-Slices that exist already keep their size, and then the cap rises.
+Slices that exist already keep their size, and then the cap rises. By zones the plan has rounds that
+fill any cap; a cap within the first rounds is one of whole films, and so of whole slices.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
+from plateau.farm.model.spec.allocation import LAG
 from plateau.farm.model.spec.shared import SharedSpec
 from plateau.rules import MOST_SPP
 
@@ -16,6 +18,8 @@ _Spec = TypeVar("_Spec", bound=SharedSpec)
 
 #: Slices may become larger or smaller than asked for by this factor.
 _MOST_CHANGE: Final = 4
+#: The cap may fall by this share before slices become larger or smaller instead.
+_LITTLE: Final = 0.05
 #: By zones, the slices of a step form halves in two ways.
 _QUARTERS: Final = 4
 #: Where the image is denoised, or a frame of a shot, they form halves.
@@ -51,7 +55,8 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
     least = _HALVES if spec.is_denoised or spec.shot is not None else 1
     whole = _Whole(
         of_step=_QUARTERS if spec.by_zones else least,
-        of_cap=0 if spec.by_zones else least,  # by zones the plan ends at any cap
+        of_cap=least,
+        first_rounds=LAG if spec.by_zones else None,
     )
     step, size, cap = (whole.keeping if keep_slices else whole.fit)(
         spec.step, spec.slice_spp, spec.max_spp
@@ -75,35 +80,43 @@ def changes(asked: SharedSpec, fit: SharedSpec) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Whole:
-    """Of how many slices steps and the cap are multiples; 0 for a cap of any size."""
+    """Of how many slices steps and the cap are multiples.
+
+    By zones, caps above the steps of the first rounds are of any size.
+    """
 
     of_step: int
     of_cap: int
+    first_rounds: int | None
 
     def fit(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
         """Step, slice and cap, of which the slice gives way first."""
         if self._fits(step, size, cap):
             return step, size, cap
-        aim = max(1, min(size, step // self.of_step, cap // max(1, self.of_cap)))
+        aim = max(1, min(size, step // self.of_step, cap // self.of_cap))
         for one in _near(aim):
             if self._fits(step, one, cap):
                 return step, one, cap
         for one in _near(aim):
-            if not cap % (one * self.of_cap or 1):
-                return _nearest(step, one * self.of_step), one, cap
-        unit = aim * self.of_cap
-        return _nearest(step, aim * self.of_step), aim, max(unit, cap - cap % unit)
+            if self._fits(fit := _nearest(step, one * self.of_step), one, cap):
+                return fit, one, cap
+        units = ((one, one * self.of_cap) for one in _near(aim))
+        size = next((one for one, unit in units if cap % unit <= _LITTLE * cap), aim)
+        unit = size * self.of_cap
+        return _nearest(step, size * self.of_step), size, max(unit, cap - cap % unit)
 
     def keeping(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
         """The same for slices that exist already: the cap rises."""
         if self._fits(step, size, cap):
             return step, size, cap
-        unit = size * self.of_cap or 1
-        cap = min(cap + -cap % unit, MOST_SPP - MOST_SPP % unit)
-        return _nearest(step, size * self.of_step), size, cap
+        step, unit = _nearest(step, size * self.of_step), size * self.of_cap
+        if not self._fits(step, size, cap):
+            cap = min(cap + -cap % unit, MOST_SPP - MOST_SPP % unit)
+        return step, size, cap
 
     def _fits(self, step: int, size: int, cap: int) -> bool:
-        return not step % (size * self.of_step) and not cap % (size * self.of_cap or 1)
+        any_cap = self.first_rounds is not None and cap > self.first_rounds * step
+        return not step % (size * self.of_step) and (any_cap or not cap % (size * self.of_cap))
 
 
 def _near(aim: int) -> Iterator[int]:

@@ -19,6 +19,8 @@ from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.zones import Zone
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
@@ -162,6 +164,28 @@ def test_one_that_is_cancelled_says_the_least_and_the_most_of_its_image(
 def test_a_cap_within_its_first_rounds_is_met(farm: NoiseFarm) -> None:
     done = finished(farm, **{**ZONES, "rule": {"name": "fixed", "spp": 50}, "max_spp": 50})
     assert (done.state, done.spp) == (JobState.CONVERGED, 50)
+
+
+@pytest.mark.parametrize("cap", [1, 2, 10, 33, 97, 201])
+@pytest.mark.parametrize(
+    "denoise", [{"name": "none"}, DENOISED["denoise"]], ids=["as it is", "denoised"]
+)
+@pytest.mark.parametrize("allocation", ["frame", "zones"])
+def test_a_cap_of_any_size_ends_the_job(
+    farm: NoiseFarm, allocation: str, denoise: object, cap: int
+) -> None:
+    asked = JobSpec.model_validate(
+        {
+            "allocation": {"name": allocation},
+            "denoise": denoise,
+            "rule": {"name": "visible", "target": 1e-6},
+            "max_spp": cap,
+        }
+    )
+    spec = fitted(asked)
+    done = finished(farm, **spec.model_dump(exclude={"name"}))
+    assert done.state is JobState.EXHAUSTED
+    assert 0.95 * spec.max_spp < done.spp <= spec.max_spp
 
 
 WRONG = {

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from plateau.farm.model.slices.plan import Plan
-from plateau.farm.model.slices.rounds import LAG, Round
+from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.slices.zones import Grid, pixels_of
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.allocation import LAG
 
 WIDTH, HEIGHT = 100, 50
 SPEC = JobSpec.model_validate(
@@ -118,6 +119,13 @@ def test_the_cap_makes_the_last_round_smaller_and_ends_the_plan() -> None:
     assert end.slices == 0
     assert full.with_round(end).is_complete
     assert full.with_round(end).stop == full.stop == 12
+
+
+def test_a_cap_just_above_the_first_rounds_is_reached() -> None:
+    beyond = Plan.of(SPEC.model_copy(update={"max_spp": 85}), WIDTH, HEIGHT)
+    assert (beyond.stop, beyond.is_complete) == (8, False)
+    last = beyond.round_of(None, 40, 10)
+    assert (last.slices, last.spp) == (4, 1)
 
 
 @pytest.mark.parametrize("cap", [40, 50, 80])

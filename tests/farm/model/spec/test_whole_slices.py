@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.allocation import LAG
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.rules import MOST_SPP
 
@@ -32,12 +33,28 @@ OIDN = {"name": "oidn"}
         # In the end the cap, which falls
         ({"max_spp": 997}, (100, 25, 975)),
         ({"max_spp": 997, "min_spp": 990}, (100, 25, 975)),
-        # By zones, steps have a multiple of four slices, and any cap will do
+        ({"max_spp": 33}, (99, 33, 33)),
+        ({"max_spp": 97}, (97, 97, 97)),
+        # By zones, steps have a multiple of four slices, and any cap above two steps will do
         ({"max_spp": 997, "allocation": ZONES}, (100, 25, 997)),
         ({"step": 50, "allocation": ZONES}, (48, 12, 10_000)),
+        ({"max_spp": 201, "allocation": ZONES}, (100, 25, 201)),
+        # A cap within them is one of whole films
+        ({"max_spp": 1, "allocation": ZONES}, (100, 1, 1)),
+        ({"max_spp": 2, "allocation": ZONES}, (100, 1, 2)),
+        ({"max_spp": 10, "allocation": ZONES}, (100, 5, 10)),
+        ({"max_spp": 33, "allocation": ZONES}, (132, 33, 33)),
+        ({"max_spp": 97, "allocation": ZONES}, (388, 97, 97)),
+        ({"max_spp": 10, "allocation": ZONES, "denoise": OIDN}, (100, 5, 10)),
+        ({"max_spp": 97, "allocation": ZONES, "denoise": OIDN}, (96, 24, 96)),
         # Where the image is denoised, steps and the cap have a multiple of two
         ({"max_spp": 10, "denoise": OIDN}, (100, 5, 10)),
+        ({"max_spp": 1, "denoise": OIDN}, (100, 1, 2)),
+        ({"max_spp": 2, "denoise": OIDN}, (100, 1, 2)),
+        ({"max_spp": 33, "denoise": OIDN}, (96, 16, 32)),
         ({"max_spp": 50, "denoise": OIDN}, (100, 25, 50)),
+        # The cap falls by a twentieth at most, or the slices give way
+        ({"max_spp": 97, "denoise": OIDN}, (96, 24, 96)),
         ({"max_spp": 997, "denoise": OIDN}, (100, 25, 950)),
     ],
 )
@@ -65,7 +82,9 @@ def test_changes_are_told() -> None:
     st.integers(1, MOST_SPP),
     st.integers(1, 4096),
     st.integers(1, MOST_SPP),
-    st.sampled_from([{}, {"allocation": ZONES}, {"denoise": OIDN}]),
+    st.sampled_from(
+        [{}, {"allocation": ZONES}, {"denoise": OIDN}, {"allocation": ZONES, "denoise": OIDN}]
+    ),
     st.booleans(),
 )
 def test_every_spec_fits(step: int, size: int, cap: int, more: dict[str, Any], keep: bool) -> None:
@@ -76,12 +95,12 @@ def test_every_spec_fits(step: int, size: int, cap: int, more: dict[str, Any], k
     assert JobSpec.model_validate(fit.model_dump()) == fit
     least = 2 if fit.is_denoised else 1
     assert not fit.step % (fit.slice_spp * (4 if fit.by_zones else least))
-    of_cap = 0 if fit.by_zones else least
-    unit = fit.slice_spp * of_cap or 1
+    unit = 1 if fit.by_zones and fit.max_spp > LAG * fit.step else fit.slice_spp * least
     assert not fit.max_spp % unit
     # No more is rendered than was asked for, and little less; slices that exist are filled up
     if keep:
         assert fit.slice_spp == size
         assert cap <= fit.max_spp < cap + unit or fit.max_spp > MOST_SPP - unit
     else:
-        assert cap - unit < fit.max_spp <= max(cap, of_cap)
+        assert cap - unit < fit.max_spp <= max(cap, least)
+        assert fit.max_spp >= 0.95 * cap or cap < 20 * least * fit.slice_spp
