@@ -83,6 +83,32 @@ def textured() -> None:
     material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
 
 
+def smoke() -> None:
+    """A cube of smoke that is denser here than there, on the floor."""
+    plain()
+    bpy.data.objects.remove(bpy.data.objects["Sphere"])
+    bpy.ops.mesh.primitive_cube_add(size=2, location=(0, 0, 1))
+    material = bpy.data.materials.new("smoke")
+    if material.node_tree is None:
+        material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    output = nodes.new("ShaderNodeOutputMaterial")
+    volume = nodes.new("ShaderNodeVolumePrincipled")
+    noise, density = nodes.new("ShaderNodeTexNoise"), nodes.new("ShaderNodeMath")
+    density.operation, density.inputs[1].default_value = "MULTIPLY", 5
+    links.new(noise.outputs[0], density.inputs[0])
+    links.new(density.outputs[0], volume.inputs["Density"])
+    links.new(volume.outputs[0], output.inputs["Volume"])
+    bpy.context.object.data.materials.append(material)
+
+
+def shadow_catcher() -> None:
+    plain()
+    bpy.context.scene.render.film_transparent = True
+    bpy.data.objects["Plane"].is_shadow_catcher = True
+
+
 def _paint(colour: tuple[float, ...]) -> None:
     material = bpy.data.materials.new("paint")
     if material.node_tree is None:
@@ -103,9 +129,7 @@ def show(blend: str, exr: str, png: str) -> None:
 if __name__ == "__main__" and sys.argv[1] == "show":
     show(*sys.argv[2:])
 elif __name__ == "__main__":
-    {one.__name__: one for one in (plain, flat, filmic, transparent, eevee, scripted, textured)}[
-        sys.argv[1]
-    ]()
+    globals()[sys.argv[1]]()
     bpy.ops.wm.save_as_mainfile(
         filepath=sys.argv[2], compress=sys.argv[1] == "transparent", relative_remap=False
     )

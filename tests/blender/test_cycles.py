@@ -79,12 +79,30 @@ def test_the_slices_of_a_half_are_stretches_of_one_sequence(child, blend):
     assert np.array_equal(again, even[0])
 
 
-def test_bits_depend_neither_on_threads_nor_on_bands(blend, tmp_path):
+def test_smoke_has_the_same_bits_again_and_its_slices_add_up(child, blend):
+    scene = child.load(blend("smoke"))
+    assert "Volumes: sampled by steps (Biased)." in " ".join(scene.notes)
+    # Given a volume, whose unbiased samples differ from one render to the next
+    whole = child.film((32, 0))
+    again = child.film((32, 0))
+    assert again.tobytes() == whole.tobytes()
+    parts = child.film((16, 0)).astype(np.float64) + child.film((16, 16))
+    assert np.abs(parts - whole).max() < 1e-6 * whole.max()
+    # And a scene without one has no such note
+    assert "Volumes" not in " ".join(child.load(blend("plain")).notes)
+
+
+def test_a_shadow_catcher_is_said_to_be_a_little_off(child, blend):
+    assert any("shadow catcher" in note for note in child.load(blend("shadow_catcher")).notes)
+
+
+@pytest.mark.parametrize("name", ["plain", "smoke"])
+def test_bits_depend_neither_on_threads_nor_on_bands(blend, tmp_path, name):
     # A pass of so many samples has several bands, whose sizes follow the speed
     films = []
     for threads in (1, 3):
         with _child(tmp_path / str(threads), threads) as child:
-            child.load(blend("plain"), width=211, height=157)
+            child.load(blend(name), width=211, height=157)
             films.append(child.film((24, 5)))
     assert films[0].tobytes() == films[1].tobytes()
 

@@ -160,6 +160,14 @@ def _leave_to_plateau(scene: Any) -> Iterator[str]:
     if scene.render.use_compositing and scene.compositing_node_group is not None:
         yield "The compositor is off: the image is the render."
     render.use_compositing = render.use_sequencer = False
+    if not cycles.volume_biased and _has_volumes(scene):
+        yield "Volumes: sampled by steps (Biased). Cycles cannot repeat its unbiased samples."
+    cycles.volume_biased = True
+    if any(one.is_shadow_catcher for one in scene.objects):
+        yield (
+            "Cycles composes a shadow catcher's shadow in each slice by itself, so the mean of the "
+            "slices is a little off where the shadow ends; a larger slice_spp helps."
+        )
     cycles.device = "CPU"
     cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.scrambling_distance, cycles.auto_scrambling_distance = 1.0, False
@@ -167,6 +175,17 @@ def _leave_to_plateau(scene: Any) -> Iterator[str]:
     cycles.use_layer_samples = "IGNORE"
     cycles.samples, cycles.use_sample_subset = _SAMPLES, True
     render.use_persistent_data = True
+
+
+def _has_volumes(scene: Any) -> bool:
+    """Return whether anything in a scene, or its world, is a volume."""
+    slots = (slot for one in scene.objects for slot in one.material_slots)
+    shaders = (scene.world, *(slot.material for slot in slots))
+    trees = (one.node_tree for one in shaders if one is not None and one.node_tree is not None)
+    outputs = (node for tree in trees for node in tree.nodes if "Volume" in node.inputs)
+    return any(one.type == "VOLUME" for one in scene.objects) or any(
+        node.inputs["Volume"].is_linked for node in outputs
+    )
 
 
 def _reduce_to_one_image(scene: Any) -> Iterator[str]:
