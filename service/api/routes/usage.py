@@ -84,7 +84,7 @@ def _time(name: str, text: str | None) -> datetime | None:
     if text is None:
         return None
     try:
-        time = datetime.fromisoformat(text)
+        time = datetime.fromisoformat(text.replace("Z", "+00:00"))  # for Python 3.10
     except ValueError as error:
         message = f"{text} is no time: {error}"
         raise invalid_field(problems.INVALID_REQUEST, name, message) from None
