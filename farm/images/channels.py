@@ -4,10 +4,14 @@ A film is (height, width, channels). Its first channels are R, G, B and W: the s
 which the reconstruction filter weights each sample, and the sums of the weights. A film with alpha
 has A next, and AOVs follow; they are weighted sums as well. Ids (numbers of shapes and primitives)
 are not: a pixel has the value of its first sample, and a sum of films has the values of its first.
+
+Blender divides direct and indirect light by the colour of the surface. A mean of quotients is not
+the quotient of the means, so a film has the light, and an image what Blender would have written.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -27,10 +31,15 @@ Colour = tuple[float, float, float]
 BLACK: Final[Colour] = (0.0, 0.0, 0.0)
 
 #: The most channels of a film, and the most characters of a channel's name.
-MOST_CHANNELS: Final = 64
-_LONGEST_NAME: Final = 64
+MOST_CHANNELS: Final = 128
+_LONGEST_NAME: Final = 160  # a view layer and a pass of Blender's have 63 each
 #: The most values of a film, in all pixels and channels together: 1 GiB in float32.
 MOST_VALUES: Final = 2**28
+
+#: Light that Blender divides by a colour.
+_DIVIDED_LIGHT: Final = re.compile(
+    r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])"
+)
 
 
 @dataclass(frozen=True)
@@ -165,7 +174,8 @@ class Channels:
     def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
         """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
-        Sums are divided by W, and are 0 where no sample has reached the pixel. Ids are not divided.
+        Sums are divided by W, and Blender's light passes by the sums of their colour. They are 0
+        where that is 0, as where no sample has reached the pixel. Ids are not divided.
         """
         reached = _reached(total)
         image = {}
@@ -174,7 +184,12 @@ class Channels:
                 image[name] = total[..., plane].astype(np.float32)
             elif plane != _WEIGHT:
                 image[name] = np.zeros(total.shape[:2], np.float32)
-                _divide(total, plane, reached, image[name])
+                colour = surface_colour(name)
+                if colour in self.names:
+                    by = self.names.index(colour)
+                    _divide(total, plane, total[..., by] != 0, image[name], by)
+                else:
+                    _divide(total, plane, reached, image[name])
         return image
 
     def seen_in(
@@ -201,6 +216,18 @@ class Channels:
                 uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
                 image += uncovered[..., None] * np.array(background, np.float32)
         return image
+
+
+def surface_colour(name: str) -> str | None:
+    """Return the channel of the colour by which Blender divides light, or None for another channel.
+
+    Examples
+    --------
+    >>> surface_colour("ViewLayer.Diffuse Indirect.R")
+    'ViewLayer.Diffuse Color.R'
+    """
+    found = _DIVIDED_LIGHT.fullmatch(name)
+    return f"{found[1]} Color{found[2]}" if found else None
 
 
 def _runs(names: Sequence[str], part: Sequence[str]) -> list[tuple[slice, slice | None]]:
@@ -230,11 +257,12 @@ def _reached(total: NDArray[np.float64]) -> Any:
     return True if reached.all() else reached
 
 
-def _divide(total: NDArray[np.float64], plane: int, reached: Any, out: NDArray[np.float32]) -> None:
-    """Divide one channel of a sum by W: row by row of one channel takes a quarter of the time."""
-    weights = total[..., _WEIGHT]
+def _divide(
+    total: NDArray[np.float64], plane: int, where: Any, out: NDArray[np.float32], by: int = _WEIGHT
+) -> None:
+    """Divide one channel of a sum by another: row by row of one takes a quarter of the time."""
     with _infinities():
-        np.divide(total[..., plane], weights, out=out, where=reached, casting="same_kind")
+        np.divide(total[..., plane], total[..., by], out=out, where=where, casting="same_kind")
 
 
 def _infinities() -> np.errstate:

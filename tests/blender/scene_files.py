@@ -109,6 +109,48 @@ def shadow_catcher() -> None:
     bpy.data.objects["Plane"].is_shadow_catcher = True
 
 
+def passes() -> None:
+    """Balls that shine, refract and glow, in fog, with every pass that a view layer has."""
+    smoke()
+    scene = bpy.context.scene
+    layer = scene.view_layers[0]
+    layer.name = "Küche"
+    cube = bpy.context.object
+    cube.location, cube.scale = (-1.5, 1.5, 0.5), (0.4, 0.4, 0.4)
+    balls = {
+        "shining": {"Base Color": (0.8, 0.2, 0.1, 1), "Roughness": 0.3},
+        "glass": {"Transmission Weight": 1.0, "Roughness": 0.2},
+        "glowing": {"Emission Color": (1, 0.5, 0.2, 1), "Emission Strength": 2},
+    }
+    for place, (name, inputs) in enumerate(balls.items()):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.6, location=(place - 1, place - 1, 0.6))
+        bpy.context.object.name = name
+        bpy.context.object.pass_index = place + 3
+        _paint((0.8, 0.8, 0.8, 1))
+        material = bpy.context.object.data.materials[0]
+        material.pass_index = 7
+        for socket, value in inputs.items():
+            material.node_tree.nodes["Principled BSDF"].inputs[socket].default_value = value
+    mine = material.node_tree.nodes.new("ShaderNodeOutputAOV")
+    mine.aov_name, mine.inputs["Color"].default_value = "mine", (0.1, 0.2, 0.3, 1)
+    scene.world = bpy.data.worlds.new("sky")
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    layer.aovs.add().name = "mine"
+    layer.lightgroups.add(name="key")
+    bpy.data.objects["Area"].lightgroup = "key"
+    for of in (layer, layer.cycles):
+        for setting in dir(of):
+            if setting.startswith(("use_pass", "pass_", "denoising_store")):
+                setattr(of, setting, True)
+
+
+def light_alone() -> None:
+    """Its view layer asks for direct light, and for no colour of a surface."""
+    plain()
+    bpy.context.scene.view_layers[0].use_pass_diffuse_direct = True
+
+
 def _paint(colour: tuple[float, ...]) -> None:
     material = bpy.data.materials.new("paint")
     if material.node_tree is None:

@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
+from plateau.farm.images.channels import Channels
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES, Pass, SeedSchedule
 from plateau.worker.renderers.contract import Loaded, SceneError
 from plateau.worker.supervisor.child_process import Film, RenderChild
@@ -139,6 +140,78 @@ def test_a_film_has_alpha_and_a_denoisers_guides(child, blend):
     film = child.film((16, 0)) / 16
     np.testing.assert_allclose(film[-1, 0, 8:], (0, 0, 1), atol=1e-4)
     assert film[0, 0, 4] == 0
+
+
+def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
+    scene = child.load(blend("passes"))
+    channels = Channels(scene.channels, scene.ids)
+    assert {name.rpartition(".")[0].removeprefix("K_che.") for name in channels.aovs} == {
+        *("Depth", "Position", "Object Index", "Material Index", "Normal", "UV", "Mist", "Vector"),
+        *(f"{of} Color" for of in ("Diffuse", "Glossy", "Transmission")),
+        *(f"{of} Direct" for of in ("Diffuse", "Glossy", "Transmission", "Volume")),
+        *(f"{of} Indirect" for of in ("Diffuse", "Glossy", "Transmission", "Volume")),
+        *("Emission", "Environment", "Ambient Occlusion", "mine", "Combined_key"),
+        *("Denoising Albedo", "Denoising Normal", "Denoising Depth"),
+    }
+    (left_out,) = (note for note in scene.notes if "Passes left out" in note)
+    assert all(name in left_out for name in ("Cryptomatte Object", "Shadow Catcher", "Render Time"))
+    # Two stretches are the whole, in every channel, and ids are those of the first sample
+    whole, first, second = (child.film(one) for one in ((32, 0), (16, 0), (16, 16)))
+    total = channels.add(channels.add(None, first), second)
+    for plane, name in enumerate(channels.names):
+        of_whole = whole[..., plane]
+        assert np.isfinite(of_whole).all(), name
+        # A mean that is weighted by more than the samples is off where these weights vary
+        slack = 0.02 if ".Vector." in name else 1e-6
+        most = slack * max(1, np.abs(of_whole).max())
+        assert np.abs(total[..., plane] - of_whole).max() <= most, name
+    assert set(np.unique(total[..., channels.names.index("K_che.Object Index.X")])) <= {0, 3, 4, 5}
+    # And what compositors make of them is the image
+    image = channels.normalised(total)
+
+    def of(name: str) -> np.ndarray:
+        return np.stack([image[f"K_che.{name}.{letter}"] for letter in "RGB"], axis=-1)
+
+    made = of("Emission") + of("Environment") + of("Volume Direct") + of("Volume Indirect")
+    for kind in ("Diffuse", "Glossy", "Transmission"):
+        made = made + of(f"{kind} Color") * (of(f"{kind} Direct") + of(f"{kind} Indirect"))
+    colour = np.stack([image[letter] for letter in "RGB"], axis=-1)
+    assert np.abs(made - colour).max() < 2e-5
+    assert of("Diffuse Direct").max() > 0.1
+    # And its light group is what the one lamp lights
+    lamp = of("Combined_key")
+    assert (lamp <= colour + 1e-5).all()
+    assert lamp.mean() > 0.3 * colour.mean()
+
+
+def test_light_comes_with_the_colour_by_which_it_is_divided(child, blend):
+    scene = child.load(blend("light_alone"))
+    assert {name.rpartition(".")[0] for name in scene.channels[4:]} == {
+        *("ViewLayer.Diffuse Direct", "ViewLayer.Diffuse Color"),
+    }
+
+
+def test_a_film_has_the_aovs_of_the_spec(child, blend):
+    aovs = ("depth", "position", "uv", "shape_id")
+    scene = child.load(blend("plain"), aovs=aovs, camera="above", width=48, height=48)
+    assert scene.channels[4:] == ("Z", "P.X", "P.Y", "P.Z", "uv.U", "uv.V", "id.shape")
+    assert scene.ids == ("Z", "P.X", "P.Y", "P.Z", "id.shape")
+    film = child.film((16, 0))
+    x, y, z = film[..., 5:8].transpose(2, 0, 1)
+    # The camera is 6 above the floor, whose corner is far from it
+    np.testing.assert_allclose(film[0, 0, 4], np.sqrt(x[0, 0] ** 2 + y[0, 0] ** 2 + 36), 1e-5)
+    assert z.max() > 1.5
+    assert abs(z[0, 0]) < 1e-4
+    assert x[0, 0] < 0 < y[0, 0]
+    assert ((film[..., 8:10] / 16 >= 0) & (film[..., 8:10] / 16 <= 1)).all()
+    # Of the objects' names Plane comes before Sphere, and lamps and cameras have no number
+    assert set(np.unique(film[..., 10])) == {1, 2}
+    assert any("shape_id" in note for note in scene.notes)
+    # The artist's numbers stay, and one that Cycles does not have is refused
+    child.load(blend("passes"), aovs=("shape_id",))
+    assert set(np.unique(child.film((4, 0))[..., 4])) <= {0, 3, 4, 5}
+    with pytest.raises(SceneError, match="no AOV 'primitive_id'; it has albedo, normal, depth"):
+        child.load(blend("plain"), aovs=("primitive_id",))
 
 
 def test_parameters_choose_size_frame_and_camera(child, blend):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from plateau.farm.images.exr import decode_image
+from plateau.farm.images.exr import decode_image, decode_layers
 from tests.blender.conftest import MAKER
 from tests.support.processes.commands import Command
 
@@ -38,6 +38,24 @@ def test_the_image_does_not_depend_on_the_workers(blend, tmp_path):
     one, other = map(decode_image, images)
     assert np.array_equal(one, other)
     assert one.mean() > 0.01
+
+
+def test_passes_of_many_slices_make_up_the_image(blend, tmp_path):
+    out = tmp_path / "out"
+    found = _rendered(blend("passes"), out, *("--workers", "2", "--spp", "100", "--aov", "depth"))
+    assert any("Cryptomatte Object" in note for note in found["notes"])
+    image = decode_layers((out / "image.exr").read_bytes())
+    made = image["K_che.Emission.R"] + image["K_che.Environment.R"]
+    made = made + image["K_che.Volume Direct.R"] + image["K_che.Volume Indirect.R"]
+    for kind in ("Diffuse", "Glossy", "Transmission"):
+        light = image[f"K_che.{kind} Direct.R"] + image[f"K_che.{kind} Indirect.R"]
+        made = made + image[f"K_che.{kind} Color.R"] * light
+    assert np.abs(made - image["R"]).max() < 2e-5
+    # Depth is the first sample's: far away where there is nothing, and else less than the distance
+    nothing = image["K_che.Depth.Z"] > 1e9
+    assert (image["Z"][nothing] == 0).all()
+    assert (image["Z"][~nothing] >= image["K_che.Depth.Z"][~nothing] - 1e-4).all()
+    assert set(np.unique(image["K_che.Object Index.X"])) <= {0, 3, 4, 5}
 
 
 @pytest.mark.parametrize("denoiser", ["none", "oidn"])

@@ -141,8 +141,8 @@ class Loaded:
         the scene's film has alpha, then the AOVs that were asked for, under the names of
         `plateau.farm.model.aovs.AOVS`, and those that the scene itself has.
     ids : tuple of str
-        The channels whose values are the numbers of things, which must not be averaged. There, a
-        film has the value of the pixel's first sample, and not a sum.
+        The channels that must not be averaged, such as the numbers of things. There, a film has the
+        value of the pixel's first sample, and not a sum.
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
     look : str

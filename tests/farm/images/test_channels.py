@@ -22,6 +22,23 @@ def test_sums_are_added_and_ids_stay_those_of_the_first_film():
     assert image == {"R": 1, "G": 1, "B": 1, "A": 1, "Z": 3, "id.shape": 5}
 
 
+def test_light_is_divided_by_the_colour_of_the_surface_in_an_image_alone():
+    names = ("R", "G", "B", "W", "layer.Diffuse Direct.R", "layer.Diffuse Color.R")
+    channels = Channels(names)
+    # Given a pixel that is half of a bright surface in light and half of a dark one in shadow
+    total = channels.add(None, film(0, 0, 0, 2, 1.8, 1.8))
+    total = channels.add(total, film(0, 0, 0, 2, 0, 0.2))
+    image = channels.normalised(total)
+    # Then what remains of the light, times the colour, is the light
+    assert image["layer.Diffuse Direct.R"].item() == pytest.approx(0.9)
+    assert image["layer.Diffuse Color.R"].item() == pytest.approx(0.5)
+    # And a black surface has none, and light without a colour beside it is a mean
+    black = channels.normalised(channels.add(None, film(0, 0, 0, 2, 1.8, 0)))
+    assert black["layer.Diffuse Direct.R"].item() == 0
+    alone = Channels(names[:5])
+    assert alone.normalised(film(0, 0, 0, 2, 1.8))[names[4]].item() == pytest.approx(0.9)
+
+
 @pytest.mark.parametrize(
     ("names", "more"),
     [
@@ -78,8 +95,8 @@ def test_alpha_is_judged_and_aovs_are_not():
         (("R", "G", "B", "W", "Z", "Z"), (), "two channels have one name"),
         (("R", "G", "B", "W", ""), (), "is no name of a channel"),
         (("R", "G", "B", "W", "a\nb"), (), "is no name of a channel"),
-        (("R", "G", "B", "W", "x" * 65), (), "is no name of a channel"),
-        (("R", "G", "B", "W", *map(str, range(MOST_CHANNELS))), (), "at most 64 channels"),
+        (("R", "G", "B", "W", "x" * 161), (), "is no name of a channel"),
+        (("R", "G", "B", "W", *map(str, range(MOST_CHANNELS))), (), "at most 128 channels"),
         (("R", "G", "B", "W", "Z"), ("id.shape",), "ids are AOVs"),
         (("R", "G", "B", "W"), ("R",), "ids are AOVs"),
         ("RGBW", (), "no list of names"),

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plateau.farm.images.exr import decode_layers
-from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.canary import Canary, known_sphere
-from plateau.worker.renderers.contract import CHANNELS, Loaded, SceneError, check_aovs
+from plateau.worker.renderers.contract import CHANNELS, Loaded, SceneError
 from plateau.worker.renderers.cycles import known_scene
 from plateau.worker.renderers.cycles.blender import blender, bpy
+from plateau.worker.renderers.cycles.passes import ask_for, left_out
 from plateau.worker.renderers.cycles.scene_prep import open_scene, prepare
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.contract import Load
+    from plateau.worker.renderers.cycles.passes import Passes
     from plateau.worker.renderers.cycles.scene_prep import PreparedScene
 
 _CANARY_SPP: Final = 64
@@ -51,8 +52,7 @@ class Renderer:
         # A file without a name, in memory: nothing of it remains, however the process ends.
         self._file = os.memfd_create("film")
         self._one: PreparedScene | None = None
-        self._aovs: tuple[str, ...] = ()
-        self._to_world = np.eye(3)
+        self._passes: Passes | None = None
         self._overhead_s = 0.0
         self._samples_per_s = 0.0
 
@@ -67,7 +67,6 @@ class Renderer:
     def load(self, request: Load) -> Loaded:
         """Open a Blender file in the place of the one before; errors carry Blender's message."""
         self._one = None
-        check_aovs(request.aovs, GUIDES)
         if request.sensor != 0:
             raise SceneError("a Blender file has sensor 0 alone; name a camera by its parameter")
         folder = Path(request.folder)
@@ -99,25 +98,20 @@ class Renderer:
 
     def _take(self, one: PreparedScene, aovs: tuple[str, ...]) -> Loaded:
         """Have a scene rendered from now on; its first render builds what all others share."""
-        self._one, self._aovs = one, aovs
-        one.layer.cycles.denoising_store_passes = bool(aovs)
-        # Cycles has a denoiser's normals in the camera's frame, which looks along its third axis.
-        camera = np.array(one.scene.camera.matrix_world.to_3x3().normalized())
-        self._to_world = camera @ np.diag([1.0, 1.0, -1.0])
+        wanted, notes = ask_for(one.scene, one.layer, aovs)
         self._samples_per_s = 0.0
         for _ in range(2):
             began = time.monotonic()
-            self._band(one, 0, 1, 1, 0)
+            written = self._written(one, 0, 1, 1, 0)
             self._overhead_s = time.monotonic() - began
-        channels = [*CHANNELS, *(["A"] if one.has_alpha else [])]
-        for name, aov in AOVS.items():
-            if name in aovs:
-                channels += aov.channels
+        passes, unknown = wanted.among(written)
+        self._one, self._passes = one, passes
         return Loaded(
             width=one.width,
             height=one.height,
-            channels=tuple(channels),
-            notes=one.notes,
+            channels=(*CHANNELS, *("A" * one.has_alpha), *passes.names),
+            ids=passes.ids,
+            notes=(*one.notes, *notes, *([left_out(unknown)] if unknown else [])),
             look="" if one.look is None else one.look.as_text(),
         )
 
@@ -142,6 +136,12 @@ class Renderer:
         self, one: PreparedScene, top: int, rows: int, spp: int, seed: int
     ) -> NDArray[np.float32]:
         """Return these rows of the film of a pass."""
+        return self._film(one, self._written(one, top, rows, spp, seed), (rows, one.width), spp)
+
+    def _written(
+        self, one: PreparedScene, top: int, rows: int, spp: int, seed: int
+    ) -> dict[str, Any]:
+        """Return what Blender writes of these rows of a pass: means of samples, by channel."""
         render, cycles = one.scene.render, one.scene.cycles
         cycles.seed, cycles.sample_offset = divmod(seed, SEQUENCE_SAMPLES)
         cycles.sample_subset_length = spp
@@ -155,28 +155,22 @@ class Renderer:
             # Of another scene of the file, if that is the one of the window.
             bpy.ops.render.render(write_still=True, scene=one.scene.name, layer=one.layer.name)
         content = os.pread(self._file, os.fstat(self._file).st_size, 0)
-        return self._film(one, decode_layers(content), (rows, one.width), spp)
+        return decode_layers(content)
 
     def _film(
         self, one: PreparedScene, found: dict[str, Any], shape: tuple[int, int], spp: int
     ) -> NDArray[np.float32]:
-        """Return sums in the order of the film's channels. Cycles gives means of `spp` samples.
+        """Return sums in the order of the film's channels, and ids. Cycles gives means.
 
         It draws samples from the reconstruction filter, so each has the weight 1.
         """
-
-        def layers(of: str, letters: str) -> list[Any]:
-            return [found[f"{one.layer.name}.{of}.{letter}"] for letter in letters]
-
-        planes = [*layers("Combined", "RGB"), np.ones(shape, np.float32)]
+        assert self._passes is not None
+        planes = [found[f"{one.layer.name}.Combined.{letter}"] * spp for letter in "RGB"]
+        planes.append(np.full(shape, spp, np.float32))
         if one.has_alpha:
-            planes += layers("Combined", "A")
-        if "albedo" in self._aovs:
-            planes += layers("Denoising Albedo", "RGB")
-        if "normal" in self._aovs:
-            normals = np.stack(layers("Denoising Normal", "XYZ"))
-            planes += list(np.einsum("ij,jyx->iyx", self._to_world, normals))
+            planes.append(found[f"{one.layer.name}.Combined.A"] * spp)
+        planes += self._passes.planes(found, spp)
         if planes[0].shape != shape:
             raise RuntimeError(f"a band of {shape} pixels came as one of {planes[0].shape}")
-        film: NDArray[np.float32] = np.stack(planes, axis=-1).astype(np.float32) * np.float32(spp)
+        film: NDArray[np.float32] = np.stack(planes, axis=-1).astype(np.float32, copy=False)
         return film
