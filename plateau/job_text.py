@@ -2,6 +2,7 @@
 
 import re
 from datetime import datetime
+from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.spec import JobSpec
@@ -17,6 +18,9 @@ from plateau.farm.wire.figures import (
 )
 from plateau.farm.wire.views import JobView
 from plateau.rules import CURVE, SlopeLimit, StoppingRule, create
+
+#: Below so many seconds, what is expected comes any moment.
+_SOON_S: Final = 3
 
 
 def row(name: str, text: str) -> str:
@@ -120,8 +124,23 @@ def stop_fraction(job: Job) -> float | None:
     return job.spec.rule.behaviour.noise_target
 
 
+def start(job: Job) -> str:
+    """When a queued job will start, in the words of the page; "" if it cannot be known."""
+    if not isinstance(job, JobView) or job.expected_start_s is None:
+        return ""
+    if job.expected_start_s < _SOON_S:
+        return "starts any moment"
+    most = "at most " if job.expected_start_is_bound else ""
+    return f"starts in {most}about {roughly(job.expected_start_s)}"
+
+
 def time_left(job: Job, now: datetime) -> str:
-    """The time that a job still needs, in the words of the page; "" if it cannot be known."""
+    """When a queued job starts, or the time that one still needs, in the words of the page.
+
+    "" if it cannot be known.
+    """
+    if job.state is JobState.QUEUED:
+        return start(job)
     if job.state is not JobState.RENDERING or job.started_at is None:
         return ""
     rendered = job.committed_spp - job.continued_spp
@@ -130,7 +149,7 @@ def time_left(job: Job, now: datetime) -> str:
         # The forecast is as old as the last point; slices were committed since.
         ahead = max(0, expected - job.committed_spp) / max(1, expected - job.spp)
         seconds = ahead * expected_s
-        return "any moment" if seconds < 3 else f"about {roughly(seconds)} left"
+        return "any moment" if seconds < _SOON_S else f"about {roughly(seconds)} left"
     rendering_s = (now - job.started_at).total_seconds() - job.paused_s
     if rendered <= 0 or rendering_s <= 0:
         return ""

@@ -159,6 +159,7 @@ def new_job(
         "asked_variant": spec.variant,
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
+        "max_spp": spec.max_spp,
         **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
         "batch": spec.batch or "",
@@ -172,6 +173,8 @@ def new_job(
         "points": 0,
         "machine_ms": 0,
     }
+    if (end_spp := spec.rule.behaviour.expected_end_spp(None)) is not None:
+        fields["end_spp"] = end_spp
     if spec.at_once is not None:
         fields["at_once"] = spec.at_once
     if spec.budget_core_hours is not None:

@@ -39,10 +39,13 @@ class Kind:
 
     def serves(self, job: Job) -> bool:
         """Whether such a worker may render the job; one that has no variant yet takes any."""
-        variant = job.variant or job.spec.variant
+        return self.meets(job.variant or job.spec.variant, job.spec.pool, job.spec.requires)
+
+    def meets(self, variant: str, pool: str, requires: Iterable[str]) -> bool:
+        """Whether such a worker may render jobs that need this."""
         return (
-            self.pool == job.spec.pool
-            and set(job.spec.requires) <= set(self.tags)
+            self.pool == pool
+            and set(requires) <= set(self.tags)
             and bool(self.variants)
             and (variant == ANY or variant in self.variants)
         )
@@ -65,11 +68,17 @@ def blocked_in(need: str) -> tuple[str, ...]:
 
 def serves(worker: Worker, job: Job) -> bool:
     """Whether the worker takes work, and may render the job."""
+    return meets(worker, job.variant or job.spec.variant, need(job.spec))
+
+
+def meets(worker: Worker, variant: str, need: str) -> bool:
+    """Whether the worker takes work, and may render jobs of this variant and this `need`."""
+    pool, _, tags = need.partition("!")[0].rstrip().partition(" ")
     return (
         not worker.drained
         and worker.trouble is None
-        and not {worker.id, worker.host} & set(job.spec.blocked)
-        and Kind(worker.variants, worker.pool, worker.tags).serves(job)
+        and not {worker.id, worker.host} & set(blocked_in(need))
+        and Kind(worker.variants, worker.pool, worker.tags).meets(variant, pool, _names(tags))
     )
 
 

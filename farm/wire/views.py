@@ -7,6 +7,7 @@ from pydantic.config import JsonDict
 
 from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.spec import Priority
+from plateau.farm.model.starts import Start
 from plateau.farm.model.worker import RefusedProcess, Worker
 from plateau.farm.wire import examples
 from plateau.farm.wire.costs import Cost, Price, cost_of
@@ -28,6 +29,20 @@ class JobView(Job):
         None,
         description="in words, the jobs and batches that it comes after, or the kind of worker "
         "that it waits for where none lives that fits",
+    )
+    expected_start_s: float | None = Field(
+        None,
+        description="of a queued job: seconds from now until a worker is expected to take its "
+        "first slice, by the work of the jobs before it and the workers that fit. Null of other "
+        "jobs, and where it cannot be known",
+    )
+    expected_start_is_bound: bool = Field(
+        False,
+        description="whether it may well start earlier: without a forecast, jobs before it are "
+        "counted to their caps",
+    )
+    expected_start_unknown: str | None = Field(
+        None, description="in words, why it cannot be known when a queued job will start"
     )
     cost: Cost | None = Field(
         None, description="in money; null where the service has no price, and in webhooks"
@@ -241,11 +256,13 @@ def job_view(
     *,
     to_owner: bool = False,
     price: Price | None = None,
+    start: Start | str | None = None,
 ) -> JobView:
     """The job as the API shows it.
 
     `waits_for` names the worker that it lacks, or the jobs that it comes after. Only its owner sees
-    the path of its webhook, which is often a secret. Without a `price`, it shows no money.
+    the path of its webhook, which is often a secret. Without a `price`, it shows no money. Of a
+    queued job, `start` says when it will start, or why that cannot be known.
     """
     if job.spec.webhook is not None and not to_owner:
         spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
@@ -280,6 +297,9 @@ def job_view(
     return JobView(
         **job.model_dump(),
         waits_for=waits_for,
+        expected_start_s=round(start.seconds, 1) if isinstance(start, Start) else None,
+        expected_start_is_bound=isinstance(start, Start) and start.is_bound,
+        expected_start_unknown=start if isinstance(start, str) else None,
         cost=None if price is None else cost_of(job, price),
         links=links,
     )

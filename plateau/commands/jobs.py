@@ -27,14 +27,20 @@ from plateau.terminal.tables import print_rows
 
 _PAGE = 100
 _WAITING = 5  #: most jobs without a fitting worker that are named
-_COLUMNS = ("id", "state", "spp", "noise left", "time", "created (UTC)", "by", "batch", "job")
-_SPARE = ("by", "created (UTC)", "batch", "time")  # on a narrow terminal
+_COLUMNS = (
+    *("id", "state", "spp", "noise left", "time", "to come", "created (UTC)"),
+    *("by", "batch", "job"),
+)
+_SPARE = ("by", "created (UTC)", "batch", "time", "to come")  # on a narrow terminal
 
 
 def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
     """Submit a scene; prints the job's id."""
     with connect(url) as client:
-        _print_id(client.submit(scene, spec), as_json=as_json)
+        job = client.submit(scene, spec)
+    _print_id(job, as_json=as_json)
+    if expected := job_text.start(job) or job.expected_start_unknown:
+        tell(f"job {job.id} {expected}")
 
 
 def watch(
@@ -227,6 +233,7 @@ def _row(job: Job) -> tuple[str, ...]:
         f"{job.spp}/{job.spec.max_spp}",
         left,
         figures.duration(job.duration_s(utc_now())),
+        job_text.time_left(job, utc_now()) or "–",
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.owner_name or "–",
         job.spec.batch or "–",

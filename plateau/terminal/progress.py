@@ -98,7 +98,8 @@ class PlainProgress(Progress):
         """Print a new state."""
         super().job(job)
         if job.state.value != self._shown_state and not job.state.ended:
-            self.note(f"{job.state.value}: {job.reason}")
+            to_come = job_text.start(job)
+            self.note(f"{job.state.value}: {'; '.join(filter(None, (job.reason, to_come)))}")
             self._shown_state = job.state.value
 
     def event(self, event: Event) -> None:

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Path, Query, Response
 from plateau.farm.model.fit import waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.starts import why_unknown
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
 from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_view
@@ -38,16 +39,18 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
-    """The jobs as the caller sees them, with what those wait for that no worker can render."""
+    """The jobs as the caller sees them, with what they wait for, and for how long."""
     kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
     blocks = any(job.spec.blocked for job in jobs if not job.state.ended)
     workers = farm.jobs.workers() if blocks else []
-    return [
-        job_view(
-            job, waits_for(job, kinds, workers), to_owner=who.made(job.owner), price=farm.price
-        )
-        for job in jobs
-    ]
+    starts = farm.starts.of(jobs)
+
+    def view(job: Job) -> JobView:
+        waits = waits_for(job, kinds, workers)
+        start = starts.get(job.id) or why_unknown(job, waits)
+        return job_view(job, waits, to_owner=who.made(job.owner), price=farm.price, start=start)
+
+    return list(map(view, jobs))
 
 
 #: Whether jobs have a property; ``any`` if that does not matter.

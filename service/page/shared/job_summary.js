@@ -124,18 +124,31 @@ export function durationSeconds(job) {
   return Math.max(0, ((job.ended_at ? Date.parse(job.ended_at) : Date.now()) - Date.parse(job.created_at)) / 1000);
 }
 
+/** Below so many seconds, what is expected comes any moment. */
+const SOON_S = 3;
+
 /**
- * The time that a job still needs, in words; "" if it is unknown.
+ * When a queued job will start, in words; "" if it is unknown.
+ * @param {Api.JobView} job
+ */
+export function start({ expected_start_s: seconds, expected_start_is_bound: isBound }) {
+  if (seconds == null) return "";
+  return seconds < SOON_S ? "starts any moment" : `starts in ${isBound ? "at most " : ""}about ${roughly(seconds)}`;
+}
+
+/**
+ * When a queued job starts, or the time that one still needs, in words; "" if it is unknown.
  * @param {Api.JobView} job
  */
 export function timeLeft(job) {
+  if (job.state === "queued") return start(job);
   if (job.state !== "rendering") return "";
   const { expected_spp: expected, expected_s: wait, committed_spp: committed } = job;
   if (expected != null && wait != null && expected <= job.spec.max_spp) {
     // The forecast is the last point's, and slices have been committed since.
     const ahead = Math.max(0, expected - committed) / Math.max(1, expected - job.spp);
     const seconds = ahead * wait;
-    return seconds < 3 ? "any moment" : `about ${roughly(seconds)} left`;
+    return seconds < SOON_S ? "any moment" : `about ${roughly(seconds)} left`;
   }
   const rendered = committed - job.continued_spp;
   const rendering = (Date.now() - Date.parse(job.started_at ?? "")) / 1000 - job.paused_s;

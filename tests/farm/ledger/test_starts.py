@@ -1,0 +1,135 @@
+"""What the queue in Redis tells of the starts of its jobs."""
+
+import pytest
+import redis
+
+from plateau.farm.ledger import starts as module
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.starts import Starts
+from plateau.farm.model.job import Job
+from plateau.farm.model.starts import Start
+from plateau.farm.redis import keys
+from tests.farm.ledger.test_workers import about
+from tests.support.farms.staged_job import StagedJob
+
+
+class Farm:
+    """Workers and jobs of one Redis."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self.client = client
+
+    def worker(self, name: str, **more: object) -> None:
+        described = {**about(name), "variants": ("scalar_rgb",), **more}
+        SliceQueue(self.client, name, 60).heartbeat(described, ())
+
+    def job(self, **spec: object) -> StagedJob:
+        return StagedJob(self.client, **spec)
+
+    def now(self, job: StagedJob) -> Job:
+        return Jobs(self.client).get(job.id)
+
+    def start(self, job: StagedJob) -> Start | None:
+        return Starts(self.client).of([self.now(job)]).get(job.id)
+
+    def leased(self) -> None:
+        """A slice is under way."""
+        assert SliceQueue(self.client, "worker-1", 60).lease(("scalar_rgb",), None, in_turn=False)
+
+    def cancelled(self, job: StagedJob) -> None:
+        Jobs(self.client).cancel(job.id)
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+def slice_s(farm: Farm, job: StagedJob) -> float:
+    """The mean time of the job's slices."""
+    done = farm.now(job)
+    return done.machine_s / (done.committed_spp / done.spec.slice_spp)
+
+
+def test_a_job_starts_after_the_work_of_the_older_one(farm: Farm) -> None:
+    farm.worker("worker-1")
+    first = farm.job(max_spp=1000, slice_spp=25)
+    first.commit(4)
+    first.plan()
+    farm.leased()
+    second = farm.job(max_spp=1000, slice_spp=25)
+    # Without a forecast the first counts to its cap, by the time of its own slices
+    start = farm.start(second)
+    assert start is not None
+    assert start.is_bound
+    assert start.seconds == pytest.approx(36 * slice_s(farm, first))
+    # With one, to where it is expected to end
+    first.point(100, 50, expected_spp=300)
+    start = farm.start(second)
+    assert start is not None
+    assert not start.is_bound
+    assert start.seconds == pytest.approx(8 * slice_s(farm, first))
+    # Where its rule alone says when it ends, that is known before, too
+    third, fixed = farm.job(max_spp=1000), {"name": "fixed", "spp": 100}
+    farm.cancelled(first)
+    assert farm.start(second) == Start(0, is_bound=False)
+    start = farm.start(third)
+    assert start is not None
+    assert start.is_bound
+    farm.cancelled(second)
+    farm.cancelled(third)
+    farm.job(max_spp=1000, rule=fixed)
+    assert farm.start(farm.job()) == Start(
+        pytest.approx(4 * slice_s(farm, first), rel=0.01), is_bound=False
+    )
+
+
+def test_nothing_is_said_of_a_job_that_cannot_start(farm: Farm) -> None:
+    gpu = farm.job(requires=("gpu",))
+    assert farm.start(gpu) is None
+    farm.worker("worker-1", trouble="it has no variant")
+    farm.worker("worker-2", tags=("gpu",), pool="night")
+    assert farm.start(gpu) is None
+    farm.worker("worker-3", tags=("gpu",))
+    assert farm.start(gpu) == Start(0, is_bound=False)
+    blocked = farm.job(requires=("gpu",), blocked=("worker-3",))
+    assert farm.start(blocked) is None
+    held = farm.job(batch="walk", at_once=1), farm.job(batch="walk", at_once=1)
+    assert [one.id in Starts(farm.client).of([farm.now(one)]) for one in held] == [True, False]
+
+
+def test_a_long_queue_is_read_in_few_round_trips(
+    farm: Farm, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm.worker("worker-1")
+    jobs = [farm.now(farm.job()) for _ in range(60)]
+
+    def trips() -> int:
+        return int(client.info("stats")["total_reads_processed"])
+
+    idle = -(trips() - trips())
+    starts, before = Starts(client), trips()
+    found = starts.of(jobs)
+    assert trips() - before - idle <= 10  # Redis reads much at once, but not all
+    assert [start is not None and start.seconds for start in found.values()] == sorted(
+        start.seconds for start in found.values() if start
+    )
+    # And what was read serves for a moment
+    before = trips()
+    assert starts.of(jobs) == found
+    assert trips() - before - idle == 0
+    # A queue that is too long is not read
+    monkeypatch.setattr(module, "MOST_OPEN", 59)
+    assert set(Starts(client).of(jobs).values()) == {None}
+
+
+def test_a_job_of_an_older_plateau_has_its_cap_in_its_spec(farm: Farm, client: redis.Redis) -> None:
+    farm.worker("worker-1")
+    first, second = farm.job(max_spp=500), farm.job()
+    start = farm.start(second)
+    client.hdel(keys.job(first.id), "max_spp")
+    assert farm.start(second) == start
+    # And one that cannot be read is left out
+    client.hset(keys.job(first.id), "leased", "many")
+    assert farm.start(second) == Start(0, is_bound=False)
