@@ -92,6 +92,12 @@ class Starts:
             return queue
 
 
+def unserved(client: RedisClient) -> list[str]:
+    """The ids of the jobs that no living worker may render, the oldest first."""
+    waiting = (job for job in _read(client).jobs.values() if not job.workers)
+    return [job.id for job in sorted(waiting, key=lambda job: job.number)]
+
+
 def _may_start(job: Job) -> bool:
     return job.state is JobState.QUEUED and not (job.held or job.awaits or job.awaits_turn)
 

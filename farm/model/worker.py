@@ -52,6 +52,7 @@ class Worker(_Record):
     last_error: str | None = Field(
         description="what went wrong last; null once it has rendered a slice since"
     )
+    failures: int = Field(0, description="how often something went wrong since then")
     trouble: str | None = Field(
         None,
         description="why it takes no work, as it found that it can render nothing; or that its "

@@ -26,6 +26,7 @@ class Targets:
 
     urls: Mapping[str, str] = field(default_factory=dict, repr=False)  #: by name; secret
     always: tuple[str, ...] = ()
+    troubles: tuple[str, ...] = ()  #: those that are told of the farm's troubles
 
     def with_always(self, asked: tuple[str, ...]) -> tuple[str, ...]:
         """The names that a job asks for, with those of every job; or `UnknownTarget`."""
@@ -46,18 +47,19 @@ def read_targets(settings: Settings) -> Targets:
     Raises
     ------
     BadTargets
-        The file cannot be read, a line of it is not ``NAME URL``, or ``PLATEAU_NOTIFY`` names a
-        target that it lacks.
+        The file cannot be read, a line of it is not ``NAME URL``, or ``PLATEAU_NOTIFY`` or
+        ``PLATEAU_NOTIFY_TROUBLES`` names a target that it lacks.
     """
     path = settings.notify_file
     try:
         urls = {} if path is None else read_named_lines(path, _url, "a URL of apprise")
     except ValueError as error:
         raise BadTargets(f"PLATEAU_NOTIFY_FILE: {error}") from None
-    for name in settings.notify:
-        if name not in urls:
-            raise BadTargets(f"PLATEAU_NOTIFY: {UnknownTarget(name, urls)}")
-    return Targets(urls, settings.notify)
+    for setting in ("notify", "notify_troubles"):
+        for name in getattr(settings, setting):
+            if name not in urls:
+                raise BadTargets(f"PLATEAU_{setting.upper()}: {UnknownTarget(name, urls)}")
+    return Targets(urls, settings.notify, settings.notify_troubles)
 
 
 def _url(text: str) -> str | None:

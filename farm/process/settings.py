@@ -213,6 +213,14 @@ class Settings(BaseSettings):
     notify: Annotated[Tags, NoDecode] = Field(
         (), description="those of them, separated by commas, that are notified of every job"
     )
+    notify_troubles: Annotated[Tags, NoDecode] = Field(
+        (),
+        description="those of them that are notified of the farm's troubles, for the monitors: a job "
+        "that no worker can render, a worker that fails, a full store, a budget that is used up",
+    )
+    trouble_after_s: float = Field(
+        120.0, ge=0, le=_DAY_S, description="for so long a trouble lasts before it is told"
+    )
     commands_file: _File = Field(
         None,
         repr=False,
@@ -272,7 +280,7 @@ class Settings(BaseSettings):
             )
         return given
 
-    @field_validator("tags", "plugins", "notify", mode="before")
+    @field_validator("tags", "plugins", "notify", "notify_troubles", mode="before")
     @classmethod
     def _separate_words(cls, given: object) -> object:
         return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
@@ -281,6 +289,11 @@ class Settings(BaseSettings):
     @classmethod
     def _read_roots(cls, given: object) -> object:
         return read_roots(given) if isinstance(given, str) else given
+
+    @property
+    def page_url(self) -> str | None:
+        """The URL of the farm's page, if it is set."""
+        return self.url if "url" in self.model_fields_set else None
 
     @property
     def all_tags(self) -> Tags:

@@ -104,6 +104,7 @@ _MONITOR: Final = (
     keys.SCENES_USED,
     keys.scene_going("*"),
     keys.SWEPT,
+    keys.TROUBLES,
     keys.MONITORS,
     keys.monitor("*"),
     keys.APIS,

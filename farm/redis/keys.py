@@ -69,6 +69,8 @@ plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (
                                   (``notify:NAME`` is a target, ``then:NAME`` a command)
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
 plateau:webhooks:before   string  those before it, which also sign                     1 d
+plateau:troubles          hash    "SCOPE TARGET TROUBLE" → since when (ms), and until    while so
+                                  when it is being told (ms), or ``told``
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
 plateau:studies           zset    observer study, scored by its creation (ms)          the study's
 plateau:studies:asked     hash    digest of a request → the study that it made         the study's
@@ -133,6 +135,7 @@ WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
 NEEDS: Final = PREFIX + "needs"
 SPENT: Final = PREFIX + "spent"
+TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
 KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
@@ -264,7 +267,7 @@ local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
-local SPENT = '{SPENT}'
+local SPENT, TROUBLES = '{SPENT}', '{TROUBLES}'
 local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
 local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
 local function study_key(id, part)

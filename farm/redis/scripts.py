@@ -46,7 +46,7 @@ _NAMESPACES: Final = {
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
     *("jobs", "visibility", "owners", "batches", "shots", "scenes", "sweeps", "webhooks"),
-    *("members", "api_keys", "studies", "census"),
+    *("members", "api_keys", "studies", "census", "troubles"),
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")

@@ -144,6 +144,7 @@ WORKER: Final[dict[str, Any]] = {
         "disk_free_bytes": 180_304_302_080,
     },
     "last_error": "slice 3: the render process was ended by SIGSEGV while rendering a pass",
+    "failures": 1,
     "trouble": None,
     "drained": False,
     "blocked_for": ["9d01c2aa4be7"],

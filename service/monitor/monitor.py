@@ -23,6 +23,7 @@ from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
 from plateau.farm.process.lifecycle import show_life
+from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
@@ -37,6 +38,7 @@ from plateau.service.monitor.side_by_side import SideBySide
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
 from plateau.service.monitor.webhooks.deliverers import delivering
+from plateau.service.monitor.webhooks.troubles import telling_troubles
 
 _LOG = logging.getLogger(__name__)
 
@@ -303,5 +305,6 @@ def run(settings: Settings, stop: Stop) -> None:
     store = Blobs(settings.blobs)
     monitor = Monitor(settings, store)
     log.identify(monitor=monitor.id)
-    with sweeping(settings, store), delivering(settings):
+    telling = telling_troubles(settings, store, read_targets(settings))
+    with sweeping(settings, store), delivering(settings), telling:
         monitor.run(stop)

@@ -48,8 +48,19 @@ class About:
         self._slices: deque[dict[str, object]] = deque(maxlen=_LAST)
         self._slices_done = 0
         self._samples_per_s: float | None = None
-        self.last_error: str | None = None  #: the last one since it rendered a slice
+        self._last_error: str | None = None
+        self._failures = 0
         self.trouble: str | None = None  #: why it takes no work
+
+    @property
+    def last_error(self) -> str | None:
+        """The last one since it rendered a slice; setting one counts it."""
+        return self._last_error
+
+    @last_error.setter
+    def last_error(self, error: str) -> None:
+        self._last_error = error
+        self._failures += 1
 
     def rendered(self, one: Rendered) -> None:
         """Count a slice, its cost and its rate; errors before it are forgotten."""
@@ -63,7 +74,7 @@ class About:
                 "render_s": one.render_s,
             }
         )
-        self.last_error = None
+        self._last_error, self._failures = None, 0
         pixels = pixels_of(one.zones) if one.zones else one.scene.width * one.scene.height
         samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
@@ -82,6 +93,7 @@ class About:
             "last_slices": tuple(self._slices),
             "kinds": kinds,
             "machine": self.machine.now(),
-            "last_error": self.last_error,
+            "last_error": self._last_error,
+            "failures": self._failures,
             "trouble": trouble,
         }

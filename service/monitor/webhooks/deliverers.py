@@ -65,7 +65,7 @@ def delivering(settings: Settings) -> Iterator[None]:
         Wake(client, keys.WAKE_WEBHOOKS),
         Requests(receivers),
         notifications=_notifications(settings),
-        commands=Commands(read_commands(settings), _url(settings)),
+        commands=Commands(read_commands(settings), settings.page_url),
         lease_s=_LEASE_S,
     )
     threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
@@ -79,13 +79,8 @@ def _notifications(settings: Settings) -> Notifications:
     return Notifications(
         read_targets(settings),
         Price.if_set(settings),
-        _url(settings),
+        settings.page_url,
     )
-
-
-def _url(settings: Settings) -> str | None:
-    """The URL of the farm's page, if it is set."""
-    return settings.url if "url" in settings.model_fields_set else None
 
 
 class Deliverer:

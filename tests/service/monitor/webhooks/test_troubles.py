@@ -1,0 +1,208 @@
+"""The operator is told of troubles by mail, of each once until it is over."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger import troubles
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.service.monitor.webhooks import troubles as module
+from plateau.service.monitor.webhooks.troubles import Teller, telling_troubles
+from tests.farm.ledger.test_workers import about
+from tests.service.monitor.webhooks.test_notifications import Mails, SmtpServer, by_json
+from tests.support.farms.receiver import OK, receiving
+from tests.support.farms.staged_job import StagedJob
+from tests.support.until import until
+
+
+@pytest.fixture
+def mails() -> Iterator[tuple[Mails, Targets]]:
+    """A mailbox, and the target that reaches it."""
+    mails = Mails()
+    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
+    server.start()
+    mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
+    try:
+        yield mails, Targets({"ops": f"{mail}&mode=insecure"}, troubles=("ops",))
+    finally:
+        server.stop()
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Blobs:
+    return Blobs(str(tmp_path / "blobs"))
+
+
+def texts(mails: Mails) -> list[str]:
+    found = [mail.get_body(("plain", "html")) for mail in mails.came]
+    return [part.get_content() for part in found if part is not None]
+
+
+def lives(client: redis.Redis, name: str = "noise", **more: Any) -> None:
+    described = {**about(name), "variants": ("scalar_rgb",), **more}
+    SliceQueue(client, name, 60).heartbeat(described, ())
+
+
+def test_each_trouble_is_told_once_until_it_is_over(
+    client: redis.Redis, store: Blobs, mails: tuple[Mails, Targets]
+) -> None:
+    box, targets = mails
+    teller = Teller(client, store, targets, 0.0, "https://farm/")
+    lives(client)
+    teller.look()
+    assert box.came == []
+    # Given jobs that no worker can render
+    jobs = Jobs(client)
+    made = [
+        jobs.create(JobSpec(requires=("gpu",)), name="box", scene_sha256="00").job for _ in range(2)
+    ]
+    for _ in range(3):
+        teller.look()
+    [told] = texts(box)
+    assert f"job box ({made[0].id}) waits for a worker with tags gpu" in told
+    assert "it is one of 2" in told
+    assert f"https://farm/jobs/{made[0].id}" in told
+    assert (box.came[0]["subject"], box.came[0]["to"]) == (
+        "Plateau: a trouble",
+        "ops@studio.example",
+    )
+    # Once such a worker lives it is over, and the same trouble is news again
+    lives(client, "noise-2", tags=("gpu",))
+    teller.look()
+    lives(client, "noise-2", tags=("gpu",), trouble="it has no variant")
+    client.delete(keys.KINDS)  # in which one that took work stays for a while
+    teller.look()
+    teller.look()
+    told = "\n".join(texts(box)[1:])
+    assert len(box.came) == 3
+    assert "worker noise-2 takes no work: it has no variant" in told
+    assert "waits for a worker with tags gpu" in told
+
+
+def test_a_worker_that_fails_again_and_again_and_a_budget_that_is_used_up(
+    client: redis.Redis, store: Blobs, mails: tuple[Mails, Targets]
+) -> None:
+    box, targets = mails
+    teller = Teller(client, store, targets, 0.0)
+    lives(client, last_error="slice 3: SIGSEGV", failures=2)
+    teller.look()
+    assert box.came == []
+    lives(client, last_error="slice 3: SIGSEGV", failures=3)
+    job = StagedJob(client, batch="walk", budget_core_hours=1)
+    job.commit()
+    job.end(JobState.EXHAUSTED, "reached its batch's budget of 1 core hours at 25 spp")
+    teller.look()
+    teller.look()
+    worker, budget = texts(box)
+    assert "failed 3 times in a row, at last so: slice 3: SIGSEGV" in worker
+    assert "a budget is used up (batch walk)" in budget
+
+
+def test_a_store_that_takes_nothing_is_told_by_the_machine_that_sees_it(
+    client: redis.Redis,
+    store: Blobs,
+    mails: tuple[Mails, Targets],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    box, targets = mails
+    teller = Teller(client, store, targets, 0.0)
+    teller.look()
+    assert store.names("") == []  # its probe is gone
+    # Given a disk on which nothing can be written
+    folder = tmp_path / "blobs"
+    folder.rename(tmp_path / "away")
+    folder.write_text("no folder")
+    teller.look()
+    # Another machine, which sees no trouble, does not end this one's
+    monkeypatch.setattr(troubles.socket, "gethostname", lambda: "elsewhere")
+    Teller(client, Blobs(str(tmp_path / "away")), targets, 0.0).look()
+    monkeypatch.undo()
+    teller.look()
+    [told] = texts(box)
+    assert "cannot write into the blob store" in told
+    # When it is over
+    folder.unlink()
+    (tmp_path / "away").rename(folder)
+    teller.look()
+    assert client.hlen(keys.TROUBLES) == 0
+
+
+def test_it_must_last_and_is_told_again_where_that_failed(
+    client: redis.Redis, store: Blobs
+) -> None:
+    Jobs(client).create(JobSpec(), name="box", scene_sha256="00")
+    answers = lambda number, _: (500, {}) if number < 2 else OK  # noqa: E731
+    with receiving(answers) as receiver:
+        targets = Targets({"ops": by_json(receiver.url)}, troubles=("ops",))
+        Teller(client, store, targets, 60.0).look()
+        assert receiver.received == []
+        one, other = (Teller(client, store, targets, 0.0, lease_s=60) for _ in range(2))
+        one.look()
+        # While one monitor may still tell it, another does not
+        other.look()
+        assert len(receiver.received) == 1
+        late = Teller(client, store, targets, 0.0, lease_s=0.0)
+        client.delete(keys.TROUBLES)
+        late.look()
+        late.look()
+        assert len(receiver.received) == 2
+    assert b"there is none that takes work" in receiver.received[1].body
+
+
+def test_without_redis_each_monitor_tells_by_its_own_memory(
+    client: redis.Redis,
+    store: Blobs,
+    mails: tuple[Mails, Targets],
+    monkeypatch: pytest.MonkeyPatch,
+    redis_url: str,
+    tmp_path: Path,
+) -> None:
+    box, targets = mails
+    gone = connect("redis://127.0.0.1:1/0")
+    teller = Teller(gone, store, targets, 0.0, look_s=0.01)
+    with running(teller):
+        until(lambda: box.came)
+        with pytest.raises(StoreUnavailable):
+            teller.look()
+    assert "Redis cannot be used" in texts(box)[0]
+    assert len(box.came) == 1
+    # And a monitor does so by its settings
+    monkeypatch.setattr(module, "_LOOK_S", 0.01)
+    file = tmp_path / "targets"
+    file.write_text(f"ops {targets.urls['ops']}\n")
+    settings = Settings(
+        redis_url=redis_url, notify_file=file, notify_troubles="ops", trouble_after_s=0
+    )
+    Jobs(client).create(JobSpec(pool="night"), name="box", scene_sha256="00")
+    with telling_troubles(settings, store, read_targets(settings)):
+        until(lambda: len(box.came) == 2)
+    assert "waits for a worker in pool night" in texts(box)[1]
+    with pytest.raises(BadTargets, match="PLATEAU_NOTIFY_TROUBLES: there is no target 'lead'"):
+        read_targets(Settings(notify_file=file, notify_troubles="lead"))
+
+
+@contextmanager
+def running(teller: Teller) -> Iterator[None]:
+    over = threading.Event()
+    thread = threading.Thread(target=teller.run, args=(over,))
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
