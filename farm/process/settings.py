@@ -215,8 +215,8 @@ class Settings(BaseSettings):
     )
     notify_troubles: Annotated[Tags, NoDecode] = Field(
         (),
-        description="those of them that are notified of the farm's troubles, for the monitors: a job "
-        "that no worker can render, a worker that fails, a full store, a budget that is used up",
+        description="those of them that are notified of the farm's troubles, for the monitors: a "
+        "job that no worker can render, a worker that fails, a full store, a used up budget",
     )
     trouble_after_s: float = Field(
         120.0, ge=0, le=_DAY_S, description="for so long a trouble lasts before it is told"

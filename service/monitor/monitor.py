@@ -306,5 +306,5 @@ def run(settings: Settings, stop: Stop) -> None:
     monitor = Monitor(settings, store)
     log.identify(monitor=monitor.id)
     telling = telling_troubles(settings, store, read_targets(settings))
-    with sweeping(settings, store), delivering(settings), telling:
+    with sweeping(settings, store), delivering(settings, store), telling:
         monitor.run(stop)

@@ -14,8 +14,10 @@ from contextlib import contextmanager
 from typing import Final
 
 from plateau.errors import ExtraMissing
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
-from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.allowed_commands import AllowedCommands, read_commands
@@ -24,6 +26,7 @@ from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.webhooks import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
@@ -56,15 +59,15 @@ _GONE: Final = 410
 
 
 @contextmanager
-def delivering(settings: Settings) -> Iterator[None]:
-    """Deliver webhooks in threads while the context lasts."""
+def delivering(settings: Settings, store: Blobs | None = None) -> Iterator[None]:
+    """Deliver webhooks in threads while the context lasts; pictures are those in the store."""
     receivers = Receivers(settings.webhook_allow)
     client = connect(settings.redis_url or "")
     deliverer = Deliverer(
         Outbox(client),
         Wake(client, keys.WAKE_WEBHOOKS),
         Requests(receivers),
-        notifications=_notifications(settings),
+        notifications=_notifications(settings, client, store),
         commands=Commands(read_commands(settings), settings.page_url),
         lease_s=_LEASE_S,
     )
@@ -75,12 +78,17 @@ def delivering(settings: Settings) -> Iterator[None]:
         deliverer.stop()
 
 
-def _notifications(settings: Settings) -> Notifications:
-    return Notifications(
-        read_targets(settings),
-        Price.if_set(settings),
-        settings.page_url,
-    )
+def _notifications(settings: Settings, client: RedisClient, store: Blobs | None) -> Notifications:
+    jobs = Jobs(client)
+
+    def picture(job_id: str) -> bytes | None:
+        results = jobs.results(job_id)
+        try:
+            return store.get(f"{results}/thumbnail.png") if store and results else None
+        except (FileNotFoundError, BlobsUnavailable):  # the words are worth more than the picture
+            return None
+
+    return Notifications(read_targets(settings), Price.if_set(settings), settings.page_url, picture)
 
 
 class Deliverer:

@@ -5,8 +5,8 @@ are kept from the farm's log and from users: `plateau notify` shows them to the 
 """
 
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from plateau.errors import needs
@@ -45,10 +45,11 @@ class NotNotified(Exception):
 
 @dataclass(frozen=True)
 class Note:
-    """A message as people read it."""
+    """A message as people read it, with a PNG if there is one and the service takes it."""
 
     subject: str
     body: str
+    picture: bytes | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,14 @@ class Notifications:
         Of a core hour.
     url
         Of the farm's page, as its users reach it.
+    picture
+        Finds a small PNG of a job's image, by the job's id; None where there is none.
     """
 
     targets: Targets = field(default_factory=Targets)
     price: Price | None = None
     url: str | None = None
+    picture: Callable[[str], bytes | None] = lambda _: None
 
     def tell(self, taken: Taken) -> None:
         """Notify the message's target, or raise `NotNotified`."""
@@ -77,7 +81,7 @@ class Notifications:
             raise NotNotified(f"for this monitor {error}") from error
         job = taken.job
         note = self.of_job(job) if taken.batch is None else self.of_batch(job, taken.batch)
-        send(taken.target or "", url, note)
+        send(taken.target or "", url, replace(note, picture=self.picture(job.id)))
 
     def of_job(self, job: Job) -> Note:
         """The note that a job has ended."""
@@ -108,12 +112,17 @@ def send(name: str, url: str, note: Note) -> None:
     """Send a note to the target of this name and URL; raises `NotNotified`."""
     with needs("notify"):
         import apprise
+        from apprise.attachment.memory import AttachMemory
 
+    picture = note.picture and AttachMemory(note.picture, "image.png", "image/png")  # type: ignore[no-untyped-call]
     asset = apprise.AppriseAsset(async_mode=False, app_id="Plateau", app_desc="render farm")
     service = apprise.Apprise(asset=asset)
     with apprise.LogCapture(level=logging.WARNING) as lines:  # type: ignore[no-untyped-call]
         sent = service.add(url) and service.notify(
-            title=note.subject, body=note.body, body_format=apprise.NotifyFormat.TEXT
+            title=note.subject,
+            body=note.body,
+            body_format=apprise.NotifyFormat.TEXT,
+            attach=picture or None,
         )
         said = lines.getvalue().strip()
     if not sent:

@@ -1,5 +1,6 @@
 """Targets that the operator names are notified by mail and over HTTP, of jobs and whole batches."""
 
+import base64
 import io
 import json
 import logging
@@ -11,10 +12,13 @@ from email.message import EmailMessage
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import redis
 from aiosmtpd.controller import Controller
 
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.png import encode_png
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
 from plateau.farm.process.addresses import Receivers
@@ -24,6 +28,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.wire.costs import Price
+from plateau.service.monitor.webhooks import deliverers
 from plateau.service.monitor.webhooks.deliverers import Deliverer
 from plateau.service.monitor.webhooks.notifications import Notifications
 from plateau.service.monitor.webhooks.requests import Requests
@@ -116,6 +121,40 @@ def test_a_mail_says_what_ended_why_and_what_it_cost(client: redis.Redis, redis_
     for words in (f"Job {job.id}: levelled off", "100 spp", "noise left 0.1", "cost 2 EUR"):
         assert words in text
     assert f"https://farm/jobs/{job.id}" in text
+
+
+def test_it_has_a_small_picture_where_there_is_one_and_the_service_takes_it(
+    client: redis.Redis, redis_url: str, tmp_path: Path
+) -> None:
+    png, store = encode_png(np.full((6, 8, 3), 200, np.uint8)), Blobs(str(tmp_path / "blobs"))
+    mails = Mails()
+    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
+    server.start()
+    file = tmp_path / "targets"
+    try:
+        with receiving() as receiver:
+            mail = f"mailto://127.0.0.1:{server.port}?from=a@b.example&to=c@d.example&mode=insecure"
+            file.write_text(f"mail {mail}\njson {by_json(receiver.url)}\n")
+            with deliverers.delivering(Settings(redis_url=redis_url, notify_file=file), store):
+                job = StagedJob(client, notify=["mail", "json"])
+                job.commit(4)
+                job.picture(store, "thumbnail.png", png)
+                job.end()
+                job.finish()
+                bare = ended(client, notify=["mail"])  # it has lost its picture
+                until(lambda: state(client, bare) == "delivered", 60)
+                until(
+                    lambda: {state(client, job, number) for number in (1, 2)} == {"delivered"}, 60
+                )
+    finally:
+        server.stop()
+    pictures = [
+        [part.get_content() for part in mail.walk() if part.get_content_type() == "image/png"]
+        for mail in mails.came
+    ]
+    assert sorted(pictures) == [[], [png]]
+    [attached] = json.loads(receiver.received[0].body)["attachments"]
+    assert (attached["filename"], base64.b64decode(attached["base64"])) == ("image.png", png)
 
 
 def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
