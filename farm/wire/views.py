@@ -193,6 +193,18 @@ class Scenes(BaseModel):
     )
 
 
+class AtTheEnd(BaseModel):
+    """Whom and what jobs may name for their ends."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"], "commands": ["movie"]})
+    )
+
+    targets: list[str] = Field(description="of notifications, which `notify` may name")
+    always: list[str] = Field(description="those that are notified of every job")
+    commands: list[str] = Field(description="which `then` may name")
+
+
 class SceneFound(SceneView):
     """What the check of a scene found in it."""
 

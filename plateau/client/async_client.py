@@ -151,6 +151,7 @@ class AsyncClient:
     resume_batch = _awaited(Client.resume_batch)
     retry = _awaited(Client.retry)
     scenes = _awaited(Client.scenes)
+    targets = _awaited(Client.targets)
     set_priority = _awaited(Client.set_priority)
     shot = _awaited(Client.shot)
     slice_log = _awaited(Client.slice_log)

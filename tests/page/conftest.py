@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.scene_roots import read_roots
+from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.api.scene_checks.placing import Placing
@@ -60,11 +61,17 @@ def farm(client: redis.Redis, redis_url: str, folder: Path) -> NoiseFarm:
     return farm
 
 
+#: Whom the operator of the shared farm has named.
+TARGETS = Targets({"lead": "json://127.0.0.1:1", "ops": "json://127.0.0.1:1"})
+
+
 @pytest.fixture(scope="session")
 def shared_url(embedded_redis: EmbeddedRedis, folder: Path) -> Iterator[str]:
     """The page on an API that all tests share."""
     placing = Placing(read_roots(f"assets={folder}/assets"), folder / "hashes")
-    with live_api(embedded_redis.url, Blobs(str(folder / "blobs")), placing=placing) as url:
+    with live_api(
+        embedded_redis.url, Blobs(str(folder / "blobs")), placing=placing, targets=TARGETS
+    ) as url:
         yield url
 
 

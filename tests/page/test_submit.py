@@ -170,11 +170,14 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     ):
         form.get_by_label(label, exact=True).fill(text)
     form.get_by_label("Variant").select_option("scalar_rgb")
+    assert form.get_by_label("Notify").locator("option").all_inner_texts() == ["lead", "ops"]
+    form.get_by_label("Notify").select_option(["lead"])
     form.get_by_role("button", name="Render it").click()
     expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
     assert (spec.name, spec.pool, spec.variant) == ("dusk, last take", "night", "scalar_rgb")
     assert set(spec.requires) == {"highmem", "fast"}
+    assert spec.notify == ("lead",)
     assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
     assert spec.webhook is not None
     assert spec.webhook.events == ("converged", "failed")

@@ -12,7 +12,15 @@ from plateau.farm.model.place_names import PlaceName
 from plateau.farm.model.spec import JobSpec, RenderVariant
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
-from plateau.farm.wire.views import DemandView, Health, ProblemTypeView, Scenes, SceneView, Workers
+from plateau.farm.wire.views import (
+    AtTheEnd,
+    DemandView,
+    Health,
+    ProblemTypeView,
+    Scenes,
+    SceneView,
+    Workers,
+)
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
 from plateau.service.api.parts import Farm, Parts
@@ -106,6 +114,17 @@ def list_scenes(farm: Farm) -> Scenes:
     return Scenes(
         scenes=[SceneView(**scene) for scene in farm.scenes.all()],
         roots=[root.name for root in farm.placing.roots],
+    )
+
+
+@router.get("/v1/targets", responses=documented())
+def list_targets(farm: Farm) -> AtTheEnd:
+    """List the targets of notifications, and the commands, that the farm's operator has named."""
+    targets = farm.targets
+    return AtTheEnd(
+        targets=sorted({*targets.urls} - {*targets.always}),
+        always=sorted(targets.always),
+        commands=sorted(farm.commands.words),
     )
 
 

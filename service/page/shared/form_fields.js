@@ -5,7 +5,7 @@ import { h, setText } from "./dom.js";
 
 /**
  * A field's value in the spec, its bounds and its texts. The input shows the value divided by `scale`;
- * the names of a list are separated by commas, and `choices` have their titles.
+ * `choices` have their titles, and the names of a list without choices are separated by commas.
  * @typedef {object} FieldAbout
  * @property {string} name
  * @property {string} label
@@ -42,8 +42,8 @@ export class Field {
     const { type = "number", choices, min, max, step, maxlength, value, placeholder } = about;
     const named = { id, name: this.path, "aria-describedby": `${id}-help ${id}-wrong` };
     /** @type {HTMLInputElement | HTMLSelectElement} */
-    this.input = type === "choice"
-      ? h("select", named, Object.entries(choices ?? {}).map(([one, title]) => h("option", { value: one, selected: one === value }, title)))
+    this.input = choices
+      ? h("select", { ...named, multiple: type === "names" }, Object.entries(choices ?? {}).map(([one, title]) => h("option", { value: one, selected: one === value }, title)))
       : h("input", {
         ...named, type: type === "number" ? type : "text", min: this.#shown(min), max: this.#shown(max), step, maxlength,
         value: this.#shown(value), placeholder, required: !about.optional, autocomplete: "off",
@@ -58,7 +58,10 @@ export class Field {
 
   /** The value for the spec; undefined if the field is optional and empty. */
   get value() {
-    const { type, scale = 1, optional } = this.#about;
+    const { type, choices, scale = 1, optional } = this.#about;
+    if (choices && type === "names" && this.input instanceof HTMLSelectElement) {
+      return [...this.input.selectedOptions].map((one) => one.value);
+    }
     const text = this.input.value.trim();
     if (optional && text === "") return undefined;
     if (type === "names") return text.split(",").map((one) => one.trim()).filter(Boolean);

@@ -94,6 +94,17 @@ export const AT_ITS_END = [
   { name: "then", label: "Then", help: "Commands that the farm's operator allows, by their names, separated by commas. They are started at its end." },
 ];
 
+/**
+ * Offers what the farm's operator has named; without names, the fields take text.
+ * @param {{ targets: string[], commands: string[] }} named
+ */
+export function offer({ targets, commands }) {
+  const [notify, then] = AT_ITS_END;
+  for (const [field, names, help] of /** @type {[FieldAbout, string[], string][]} */ ([
+    [notify, targets, "Who hears of its end."], [then, commands, "What is started at its end."],
+  ])) if (names.length) Object.assign(field, { choices: Object.fromEntries(names.map((one) => [one, one])), help: `${help} Several with Ctrl or Shift.` });
+}
+
 /** @type {FieldAbout[]} */
 export const WEBHOOK = [
   { name: "url", label: "Webhook", placeholder: "https://…", optional: true, help: "A message is sent there for each event. Empty: none." },

@@ -6,6 +6,7 @@ import { bytes, several, share } from "../shared/figures.js";
 import { blame, Field, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
+import { offer } from "../shared/spec_fields.js";
 import { meetRules } from "../shared/rules.js";
 import { Frames } from "./frames.js";
 import { Presets } from "./presets.js";
@@ -22,7 +23,8 @@ export async function open(main, { signal, go }) {
   const waiting = h("div", { class: "submit" }, h("h1", {}, "Submit a scene"));
   main.append(waiting);
   const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [], roots: [] }));
-  await meetRules(signal).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
+  const named = get("/v1/targets", signal).then(offer, () => {});
+  await Promise.all([meetRules(signal), named]).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
 }
 
 class Submission {

@@ -6,6 +6,7 @@ import httpx
 import pytest
 import redis
 
+from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox, new_secret
@@ -235,4 +236,8 @@ def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
         found = problem(submit(lab, spec={"notify": ["boss"]}), 422, "invalid-spec")
         assert found["errors"][0]["field"] == "spec.notify"
         assert "names: lead, ops" in found["detail"]
-        assert "secret" not in found["detail"] + answer.text
+        named = lab.get("/v1/targets")
+        assert named.json() == {"targets": ["lead"], "always": ["ops"], "commands": []}
+        with Client(url) as ours:
+            assert ours.targets().targets == ["lead"]
+        assert "secret" not in found["detail"] + answer.text + named.text
