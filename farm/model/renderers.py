@@ -26,6 +26,10 @@ RenderVariant = Literal[
     "cuda_ad_rgb",
     "analytic:numpy",
     "cycles:cpu",
+    "cycles:optix",
+    "cycles:cuda",
+    "cycles:hip",
+    "cycles:oneapi",
     "scalar_spectral",
     "scalar_spectral_polarized",
     "llvm_ad_mono",
@@ -65,13 +69,15 @@ class VariantFacts:
 def _facts(shown: RenderVariant) -> VariantFacts:
     if shown == "analytic:numpy":
         return VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True)
-    if shown == "cycles:cpu":
+    if shown.startswith(f"{CYCLES}:"):
+        device = shown.removeprefix(f"{CYCLES}:")
         return VariantFacts(
             renderer=CYCLES,
-            own_name="cpu",
+            own_name=device,
             seeds="sequences",
             renders_zones=False,
-            works_everywhere=True,
+            on_gpu=device != "cpu",
+            works_everywhere=device == "cpu",
             package="bpy",
         )
     if shown.startswith("scalar"):

@@ -162,7 +162,8 @@ def spec_from_options(
         str | None,
         typer.Option(
             help="auto; scalar_rgb, llvm_ad_rgb or cuda_ad_rgb; spectral, mono or polarized in the "
-            "place of rgb (docs/renderers.md); analytic:numpy; or cycles:cpu.",
+            "place of rgb (docs/renderers.md); analytic:numpy; cycles:cpu, or :optix, :cuda, :hip "
+            "or :oneapi in its place.",
             show_default="auto",
             autocompletion=complete.variants,
         ),

@@ -31,6 +31,8 @@ from plateau.worker.supervisor.variants import (
 )
 
 _CYCLES: Final = "cycles:cpu"
+#: The longest that Blender may look for devices; a driver may start first.
+_DEVICES_S: Final = 120.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def doctor(*, as_json: bool) -> int:
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
-    checks += [_blender(), _denoiser(), *_confinement()]
+    checks += [*_blender(), _denoiser(), *_confinement()]
     can_render = all(check.ok for check in checks if check.needed)
     shown = _without_passwords(settings)
     if as_json:
@@ -130,11 +132,24 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
     yield Check("workers render with", choice.why, ok=works, needed=True)
 
 
-def _blender() -> Check:
+def _blender() -> Iterator[Check]:
     if not is_installed(_CYCLES):
-        return Check(_CYCLES, BLENDER_MISSING, ok=False)
+        yield Check(_CYCLES, BLENDER_MISSING, ok=False)
+        return
     tried = probe(_CYCLES, None)
-    return Check(_CYCLES, f"Blender {version('bpy')}; {tried.detail}", ok=tried.ok)
+    yield Check(_CYCLES, f"Blender {version('bpy')}; {tried.detail}", ok=tried.ok)
+    name = "Cycles on GPUs"
+    try:
+        command = [sys.executable, "-s", "-m", "plateau.worker.renderers.cycles.devices"]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_DEVICES_S, check=True
+        )
+        found = json.loads(done.stdout.splitlines()[-1])
+    except (OSError, subprocess.SubprocessError, ValueError, IndexError) as error:
+        yield Check(name, f"Blender's own search failed: {error}", ok=False)
+        return
+    listed = "; ".join(f"cycles:{kind} ({', '.join(names)})" for kind, names in found.items())
+    yield Check(name, listed or "Blender finds no device", ok=bool(found))
 
 
 def _denoiser() -> Check:

@@ -132,7 +132,7 @@ def _check_variant(variant: str, cache: Path) -> None:
     tried = [one.detail for one in choice.tried if one.variant == variant]
     raise CommandFailed(
         f"this machine cannot render with {variant}{f' ({tried[0]})' if tried else ''}; it can "
-        f"with {', '.join(choice.of_mitsuba)}: leave --variant out, or see `plateau doctor`"
+        f"with {', '.join(choice.like(variant))}: leave --variant out, or see `plateau doctor`"
     )
 
 

@@ -3,7 +3,8 @@
 Dr.Jit loads its backends from the system: CUDA from the driver, LLVM from an installed library.
 Some libraries are refused, and some abort the process during a render (LLVM 15 and 16 do on recent
 CPUs). So each candidate renders a small image in a process of its own, in the order CUDA, then each
-LLVM from the newest down, then ``scalar_rgb``, which needs no library.
+LLVM from the newest down, then ``scalar_rgb``, which needs no library. Where Blender and the
+driver of a GPU are there, the devices of Cycles are tried as well.
 """
 
 from __future__ import annotations
@@ -16,16 +17,23 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
-from itertools import takewhile
+from itertools import filterfalse, takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from plateau.farm.model.renderers import MITSUBA, VARIANTS, variant_named
+from plateau.farm.model.renderers import CYCLES, MITSUBA, VARIANTS, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.farm.process.scratch import scratch
 from plateau.worker.supervisor import identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
+#: The library of a driver without which no variant of Cycles can work, by the device's name.
+_DRIVERS: Final = {
+    "optix": "libcuda.so",
+    "cuda": "libcuda.so",
+    "hip": "libamdhip64.so",
+    "oneapi": "libze_loader.so",
+}
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 
 #: Why there are no variants of Cycles.
@@ -89,10 +97,10 @@ class VariantChoice:
         alike = (name for name, known in VARIANTS.items() if known.backend in backends)
         return tuple(dict.fromkeys((*working, *everywhere, *alike)))
 
-    @property
-    def of_mitsuba(self) -> tuple[str, ...]:
-        """The Mitsuba variants among them."""
-        return tuple(one for one in self.variants if variant_named(one).renderer == MITSUBA)
+    def like(self, variant: str) -> tuple[str, ...]:
+        """Return those of them that have the renderer of a variant."""
+        renderer = variant_named(variant).renderer
+        return tuple(one for one in self.variants if variant_named(one).renderer == renderer)
 
 
 def is_installed(variant: str) -> bool:
@@ -124,7 +132,7 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
         tried = _try(candidates, every)
         if all(map(_is_lasting, tried)):
             memory.write([asdict(one) for one in tried])
-    return _choice(tried)
+    return _choice(tuple(filter(_is_of_mitsuba, tried)), tuple(filterfalse(_is_of_mitsuba, tried)))
 
 
 def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S) -> Probe:
@@ -173,7 +181,24 @@ def _before_the_probe() -> Callable[[], None]:
 def _candidates() -> list[tuple[str, str | None]]:
     """Return (variant, LLVM library) in the order of trial."""
     cuda = [(CUDA, None)] if _has_cuda_driver() else []
-    return [*cuda, *((LLVM, str(path)) for path in llvm_libraries()), (SCALAR, None)]
+    llvm = ((LLVM, str(path)) for path in llvm_libraries())
+    return [*cuda, *llvm, (SCALAR, None), *((one, None) for one in _of_cycles())]
+
+
+def _of_cycles() -> list[str]:
+    """Return the variants of Cycles that may work here: Blender is there, and a driver."""
+    names = [name for name, _ in system_libraries()]
+    return [
+        variant
+        for variant, known in VARIANTS.items()
+        if known.renderer == CYCLES and known.on_gpu and is_installed(variant)
+        if (driver := _DRIVERS.get(known.own_name))
+        if any(name.startswith(driver) for name in names)
+    ]
+
+
+def _is_of_mitsuba(one: Probe) -> bool:
+    return variant_named(one.variant).renderer == MITSUBA
 
 
 def _has_cuda_driver() -> bool:
@@ -186,32 +211,36 @@ def _has_cuda_driver() -> bool:
 def _try(candidates: list[tuple[str, str | None]], every: bool) -> tuple[Probe, ...]:
     tried: list[Probe] = []
     for variant, library in candidates:
-        tried.append(probe(variant, library))
-        if tried[-1].ok and not every:
-            break
+        # One variant of Mitsuba is enough, and every device of Cycles is offered.
+        is_enough = any(map(_is_of_mitsuba, filter(lambda one: one.ok, tried))) and not every
+        if not (is_enough and variant_named(variant).renderer == MITSUBA):
+            tried.append(probe(variant, library))
     return tuple(tried)
 
 
-def _choice(tried: tuple[Probe, ...]) -> VariantChoice:
+def _choice(tried: tuple[Probe, ...], others: tuple[Probe, ...] = ()) -> VariantChoice:
+    """Return what Mitsuba renders with, and what was found of other renderers."""
     failed = list(takewhile(lambda one: not one.ok, tried))
     story = "; ".join(f"{_described(one)} {one.detail}" for one in failed)
     if len(failed) == len(tried):
-        return VariantChoice(SCALAR, None, f"nothing renders here: {story}", tried)
+        return VariantChoice(SCALAR, None, f"nothing renders here: {story}", (*tried, *others))
     taken = tried[len(failed)]
     if taken.variant == SCALAR and not failed:
         why = f"{SCALAR}: neither a CUDA driver nor an LLVM library was found"
     else:
         why = f"{_described(taken)} renders here" + (f" ({story})" if failed else "")
     library = next((one.library for one in tried if one.ok and one.variant == LLVM), None)
-    return VariantChoice(taken.variant, library, why, tried)
+    return VariantChoice(taken.variant, library, why, (*tried, *others))
 
 
 def _is_lasting(one: Probe) -> bool:
     """Return whether another trial would probably have the same outcome."""
     if one.ok:
         return True
-    if one.variant == CUDA or one.detail.startswith(_TIMED_OUT) or _WRONG in one.detail:
-        return False  # a GPU in use, a machine under load, memory that fails
+    if variant_named(one.variant).on_gpu:
+        return False  # it may be in use
+    if one.detail.startswith(_TIMED_OUT) or _WRONG in one.detail:
+        return False  # a machine under load, memory that fails
     broken = tuple(f"{_ENDED_BY} {number.name}," for number in _BROKEN)
     return not one.detail.startswith(_ENDED_BY) or one.detail.startswith(broken)
 

@@ -53,7 +53,8 @@ WRONG: tuple[Any, ...] = (
             "cuda",
             (
                 "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, "
-                "cycles:cpu, scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, "
+                "cycles:cpu, cycles:optix, cycles:cuda, cycles:hip, cycles:oneapi, "
+                "scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, "
                 "llvm_ad_mono_polarized, llvm_ad_spectral, llvm_ad_spectral_polarized, "
                 "cuda_ad_mono, cuda_ad_mono_polarized, cuda_ad_spectral or "
                 "cuda_ad_spectral_polarized"

@@ -296,6 +296,55 @@ def test_the_supervisors_side_never_imports_mitsuba():
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
+@pytest.fixture
+def blender(monkeypatch):
+    """Blender, as Python would find it."""
+    there = ModuleType("bpy")
+    there.__spec__ = ModuleSpec("bpy", None)
+    monkeypatch.setitem(sys.modules, "bpy", there)
+    monkeypatch.setattr(variants.identity, "of", lambda _: {})
+
+
+class TestDevicesOfCycles:
+    @pytest.fixture(autouse=True)
+    def _scalar_alone(self, monkeypatch, no_driver, blender):
+        monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
+
+    def test_without_a_driver_none_is_tried(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(variants, "system_libraries", lambda: [("libc.so.6", Path("/libc"))])
+        choice = choose(tmp_path)
+        assert [one.variant for one in choice.tried] == [SCALAR]
+        assert choice.like("cycles:cuda") == ("cycles:cpu",)
+
+    def test_those_of_a_driver_are_tried_and_none_is_offered_that_fails(
+        self, tmp_path, monkeypatch
+    ):
+        found = [("libcuda.so.1", Path("/libcuda")), ("libze_loader.so.1", Path("/libze"))]
+        monkeypatch.setattr(variants, "system_libraries", lambda: found)
+        # Given a Blender that cannot be imported in truth
+        choice = choose(tmp_path)
+        assert [(one.variant, one.ok) for one in choice.tried] == [
+            (SCALAR, True),
+            *((f"cycles:{device}", False) for device in ("optix", "cuda", "oneapi")),
+        ]
+        assert (choice.variant, choice.like("cycles:cuda")) == (SCALAR, ("cycles:cpu",))
+        # And they are tried again, for a GPU may have been in use
+        assert not (tmp_path / "variant.json").exists()
+
+    def test_all_that_work_are_offered_and_mitsubas_choice_stays(self, tmp_path, monkeypatch):
+        found = [("libcuda.so.1", Path("/libcuda"))]
+        monkeypatch.setattr(variants, "system_libraries", lambda: found)
+        monkeypatch.setattr(
+            variants, "probe", lambda one, library: Probe(one, library, ok=True, detail="")
+        )
+        choice = choose(tmp_path)
+        assert choice.variant == SCALAR
+        assert choice.like("cycles:cpu") == ("cycles:optix", "cycles:cuda", "cycles:cpu")
+        # And what worked is remembered
+        monkeypatch.delattr(variants, "probe")
+        assert choose(tmp_path) == choice
+
+
 def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch):
     works = VariantChoice(SCALAR, None, "", (Probe(SCALAR, None, ok=True, detail=""),))
     monkeypatch.setitem(sys.modules, "bpy", None)  # as Python marks what cannot be imported

@@ -13,7 +13,7 @@ from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.canary import Canary, known_sphere
 from plateau.worker.renderers.contract import CHANNELS, Loaded, SceneError
-from plateau.worker.renderers.cycles import known_scene
+from plateau.worker.renderers.cycles import devices, known_scene
 from plateau.worker.renderers.cycles.blender import blender, bpy
 from plateau.worker.renderers.cycles.passes import ask_for, left_out
 from plateau.worker.renderers.cycles.scene_prep import open_scene, prepare
@@ -46,9 +46,9 @@ class Renderer:
     """
 
     def __init__(self, variant: str, threads: int) -> None:
-        if variant != "cpu":
-            raise ValueError(f"Cycles has no variant {variant!r} here, but cpu alone")
-        self._threads = threads
+        if variant not in ("cpu", *devices.KINDS):
+            raise ValueError(f"Cycles has no variant {variant!r}")
+        self._device, self._threads = variant, threads
         # A file without a name, in memory: nothing of it remains, however the process ends.
         self._file = os.memfd_create("film")
         self._one: PreparedScene | None = None
@@ -98,6 +98,7 @@ class Renderer:
 
     def _take(self, one: PreparedScene, aovs: tuple[str, ...]) -> Loaded:
         """Have a scene rendered from now on; its first render builds what all others share."""
+        devices.use(one.scene, self._device)
         wanted, notes = ask_for(one.scene, one.layer, aovs)
         self._samples_per_s = 0.0
         for _ in range(2):

@@ -168,7 +168,6 @@ def _leave_to_plateau(scene: Any) -> Iterator[str]:
             "Cycles composes a shadow catcher's shadow in each slice by itself, so the mean of the "
             "slices is a little off where the shadow ends; a larger slice_spp helps."
         )
-    cycles.device = "CPU"
     cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.scrambling_distance, cycles.auto_scrambling_distance = 1.0, False
     cycles.use_animated_seed = False
