@@ -74,7 +74,8 @@ class TestTheContainerfile:
     def test_installs_each_part_with_its_extra(self) -> None:
         for part in PARTS:
             extras, wheel = containerfile.stages()[f"{part}-files"].all_of("RUN")
-            asked = f"--extra {part}" + (" --extra denoise" if part == "monitor" else "")
+            more = " --extra denoise --extra notify" if part == "monitor" else ""
+            asked = f"--extra {part}{more}"
             assert extras.endswith(f"--requirements pyproject.toml {asked}")
             assert wheel.endswith("--no-deps /wheel/*.whl")
 

@@ -24,8 +24,8 @@ PROMETHEUS = ("monitoring", {"app": "prometheus"})
 NEIGHBOUR = (NAMESPACE, {"app": "notebook"})
 STRANGER = ("elsewhere", {"app": "notebook"})
 INGRESS = ("ingress-nginx", {"app": "nginx"})
-#: Redis, the API, DNS, https, and what nobody uses here.
-PORTS = {"redis": 6379, "api": 8713, "dns": 53, "https": 443, "ssh": 22}
+#: Redis, the API, DNS, https, mail, and what nobody uses here.
+PORTS = {"redis": 6379, "api": 8713, "dns": 53, "https": 443, "mail": 587, "ssh": 22}
 
 
 class Network:
@@ -132,6 +132,8 @@ def test_of_one_with_everything_outside_these_are_open() -> None:
         "monitor > store:https",
         "worker > store:https",
         "monitor > public:https",
+        # As it has targets of notifications
+        "monitor > public:mail",
     }
     assert network("external").lets(ours("worker-cpu"), "10.20.0.7", 6380)
     assert not network("external").lets(ours("worker-cpu"), "10.21.0.7", 6380)

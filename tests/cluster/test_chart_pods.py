@@ -86,6 +86,19 @@ class TestEveryPod:
             assert one["spec"]["selector"]["matchLabels"] in covered
 
 
+def test_targets_of_notifications_are_mounted_where_they_are_named_and_used() -> None:
+    for name, pod in chart.pods(chart.manifests(chart.recorded("external"))):
+        volumes = {one["name"]: one for one in pod["volumes"]}
+        is_told = name.endswith(("-api", "-monitor"))
+        assert ("notify" in volumes) == is_told, name
+        if is_told:
+            assert volumes["notify"]["secret"]["secretName"] == "farm-notify"
+            [container] = pod["containers"]
+            [file] = [one for one in container["env"] if one["name"] == "PLATEAU_NOTIFY_FILE"]
+            [mount] = [one for one in container["volumeMounts"] if one["name"] == "notify"]
+            assert file["value"] == f"{mount['mountPath']}/targets"
+
+
 def test_scene_roots_are_mounted_to_be_read_where_scenes_are_read() -> None:
     found = chart.manifests(chart.recorded("full"))
     for name, pod in chart.pods(found):

@@ -104,6 +104,9 @@ settings beside the common ones. */}}
 {{- $_ := set $settings "PLATEAU_SCENE_ROOTS" (join "," .) }}
 {{- end }}
 {{- end }}
+{{- if and .root.Values.notify.existingSecret (has .user (list "api" "monitor")) }}
+{{- $_ := set $settings "PLATEAU_NOTIFY_FILE" "/etc/plateau/notify/targets" }}
+{{- end }}
 {{- range $name := keys $settings | sortAlpha }}
 - name: {{ $name }}
   value: {{ index $settings $name | toString | quote }}
@@ -116,6 +119,20 @@ settings beside the common ones. */}}
 - {name: tmp, mountPath: /tmp}
 {{- if not .Values.blobs.s3.url }}
 - {name: blobs, mountPath: /var/lib/plateau/blobs}
+{{- end }}
+{{- end -}}
+
+{{/* The file of notifications' targets, for the API and the monitors. */}}
+{{- define "plateau.notifyMounts" -}}
+{{- if .Values.notify.existingSecret }}
+- {name: notify, mountPath: /etc/plateau/notify, readOnly: true}
+{{- end }}
+{{- end -}}
+
+{{- define "plateau.notifyVolumes" -}}
+{{- with .Values.notify.existingSecret }}
+- name: notify
+  secret: {secretName: {{ . }}, defaultMode: 0440, items: [{key: targets, path: targets}]}
 {{- end }}
 {{- end -}}
 
@@ -206,4 +223,14 @@ affinity:
     {{- end }}
   ports:
     - {protocol: TCP, port: {{ .port }}}
+{{- end -}}
+
+{{/* All addresses that are not private. */}}
+{{- define "plateau.public" -}}
+- ipBlock:
+    cidr: 0.0.0.0/0
+    except: [0.0.0.0/8, 10.0.0.0/8, 100.64.0.0/10, 127.0.0.0/8, 169.254.0.0/16, 172.16.0.0/12, 192.168.0.0/16]
+- ipBlock:
+    cidr: ::/0
+    except: ["::1/128", "fc00::/7", "fe80::/10"]
 {{- end -}}
