@@ -5,6 +5,7 @@ from pathlib import Path
 
 from plateau.errors import CommandFailed
 from plateau.files.job_folder import RESULTS, require_free
+from plateau.files.out_pattern import IMAGES
 
 
 def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
@@ -36,6 +37,12 @@ def make_ready(folder: Path) -> None:
 
 def make_writable(folder: Path) -> None:
     """Make the folder if it is missing, and check that files can be written into it."""
+    if folder.suffix.lower() in IMAGES and not folder.is_dir():
+        raise CommandFailed(
+            f"-o {folder} names an image, and results are several files: name a folder, such as "
+            f"{folder.stem}; for the images of a batch, a pattern, such as "
+            f"{folder.stem}.{{place:04d}}{folder.suffix}"
+        )
     make(folder)
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:

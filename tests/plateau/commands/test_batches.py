@@ -363,6 +363,19 @@ class TestTheCommandLine:
             True,
         )
 
+    def test_takes_the_name_of_an_image_for_no_folder(
+        self, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        made = Jobs(client).create(JobSpec(batch="walk"), name="walk", scene_sha256="00")
+        end(client, store, made.job.id, JobState.CONVERGED)
+        for words in (["watch", "--batch", "walk"], ["watch", made.job.id], ["fetch", made.job.id]):
+            code, _, error = command(*words, "-o", str(tmp_path / "walk.exr"))
+            assert (code, "a pattern, such as walk.{place:04d}.exr" in error) == (1, True), error
+        assert list(tmp_path.glob("walk*")) == []
+        # Where somebody has such a folder, it will do
+        (tmp_path / "walk.png").mkdir()
+        assert command("fetch", made.job.id, "-o", str(tmp_path / "walk.png"))[0] == 0
+
     def test_puts_no_two_batches_and_no_other_job_into_one_folder(
         self, client: redis.Redis, store: Blobs, tmp_path: Path
     ) -> None:
