@@ -1,11 +1,12 @@
 """When each job of the queue will start: an estimate from the work before it.
 
 A worker takes the job of the highest priority, then of the owner and the batch with the fewest
-samples under way, then the oldest. So as many single jobs and batches of a priority are rendered at
-once as there are workers, the oldest first; the jobs of a batch follow each other; and a job of a
-lower priority starts when those above it are done. The estimate follows the same order, takes all
-workers as equally fast, and shares them evenly. It is wrong where jobs are added, steered or end
-sooner than forecast, and where workers come and go.
+samples under way, then the oldest. At the end of its turn it still has a slice of its own job under
+way, so that the oldest one without any is next. So of a priority one single job or batch more is
+rendered by turns than there are workers, the oldest first; the jobs of a batch follow each other;
+and a job of a lower priority starts when those above it are done. The estimate follows the same
+order, takes all workers as equally fast, and shares them evenly. It is wrong where jobs are added,
+steered or end sooner than forecast, and where workers come and go.
 """
 
 from __future__ import annotations
@@ -119,14 +120,15 @@ def _free_after_s(
         if one.leased:
             first_end_s = min(first_end_s, one.left_s / one.leased)
     busy, found = sum(leased.values()), {}
+    any_turn_ends_s = min(first_end_s, (turn_s + slice_s) / (len(workers) + 1))
     for priority in {one.priority for one in jobs}:
         below = sum(slices for at, slices in leased.items() if at < priority)
         if busy < len(workers):
             found[priority] = 0.0
         elif below:
-            found[priority] = slice_s / (below + 1)
+            found[priority] = min(slice_s / (below + 1), any_turn_ends_s)
         else:
-            found[priority] = min(first_end_s, (turn_s + slice_s) / (len(workers) + 1))
+            found[priority] = any_turn_ends_s
     return found
 
 
@@ -155,7 +157,7 @@ def _at_one_priority(
 ) -> Iterator[tuple[OpenJob, float]]:
     """Each job and its start in seconds, where none of a higher priority is before it.
 
-    As many parties are rendered at once as there are workers, which they share evenly.
+    One party more is rendered than there are workers, which they share evenly.
     """
     parties: defaultdict[tuple[str, str], list[OpenJob]] = defaultdict(list)
     for job in sorted(jobs, key=lambda job: job.number):
@@ -166,7 +168,7 @@ def _at_one_priority(
     now_s, alone_s, entry = 0.0, 0.0, 0
 
     while waiting or running:
-        party = waiting.pop() if waiting and len(running) < len(workers) else None
+        party = waiting.pop() if waiting and len(running) <= len(workers) else None
         if party is None:
             ends_s, _, party = heappop(running)
             now_s += (ends_s - alone_s) * (len(running) + 1) / len(workers)

@@ -131,7 +131,7 @@ const SOON_S = 3;
  * When a queued job will start, in words; "" if it is unknown.
  * @param {Api.JobView} job
  */
-export function start({ expected_start_s: seconds, expected_start_is_bound: isBound }) {
+function start({ expected_start_s: seconds, expected_start_is_bound: isBound }) {
   if (seconds == null) return "";
   return seconds < SOON_S ? "starts any moment" : `starts in ${isBound ? "at most " : ""}about ${roughly(seconds)}`;
 }

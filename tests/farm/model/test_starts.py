@@ -33,10 +33,10 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
     ("queue", "asked", "expected"),
     [
         pytest.param([], job("b1"), 0, id="an idle worker takes it at once"),
-        pytest.param([BUSY], job("b1"), 100, id="one worker: after the older job"),
-        pytest.param([BUSY, job("c1")], job("b2"), 200, id="and after one that waits, too"),
-        pytest.param([BUSY, job("c9")], job("b1"), 100, id="but not after a younger one"),
-        pytest.param([BUSY, job("c9", priority=5)], job("b1"), 200, id="a higher priority first"),
+        pytest.param([BUSY], job("b1"), 11, id="one worker: when a turn of the older job ends"),
+        pytest.param([BUSY, job("c1")], job("b2"), 200, id="after the two that take turns"),
+        pytest.param([BUSY, job("c9")], job("b1"), 11, id="but not after a younger one"),
+        pytest.param([BUSY, job("c9", priority=5)], job("b1"), 100, id="a higher priority first"),
         pytest.param([BUSY], job("b1", priority=5), 1, id="at the end of a slice, if it is higher"),
         pytest.param([job("c0", left_s=0.0)], job("b1"), 0, id="not after a job without work"),
         pytest.param([job("c1", workers=frozenset({"x"}))], job("b2"), 0, id="other workers' job"),
@@ -50,12 +50,15 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
             id="or its job ends, if sooner",
         ),
         pytest.param(
-            [BUSY_TWO, job("c1", workers=TWO)], job("b2", workers=TWO), 100, id="as many as workers"
+            [BUSY_TWO, job("c1", workers=TWO), job("c2", workers=TWO)],
+            job("b3", workers=TWO),
+            150,
+            id="one more than there are workers",
         ),
         pytest.param(
             [replace(BUSY, batch="walk"), job("c1")],
             job("b2", batch="walk"),
-            100,
+            200,
             id="a batch's next frame follows, and is no further party",
         ),
         pytest.param(
@@ -67,13 +70,13 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
         pytest.param(
             [BUSY_TWO, *(job(f"c{n}", workers=TWO, owner="x") for n in range(1, 9))],
             job("b9", workers=TWO, owner="y"),
-            100,
+            22 / 3,
             id="other owners have their turns, however many jobs one has",
         ),
         pytest.param(
-            [job("c1", workers=TWO, leased=2)],
-            job("b2", workers=ONE),
-            50,
+            [job("c1", workers=TWO, leased=2), job("c2")],
+            job("b3"),
+            100,
             id="a job of more workers takes its share of this one",
         ),
     ],
@@ -91,9 +94,11 @@ def test_without_a_fitting_worker_it_is_not_known() -> None:
 
 
 def test_it_is_a_bound_where_the_jobs_before_it_count_to_their_caps() -> None:
-    capped = replace(BUSY, is_capped=True)
-    assert expected_start(job("b1"), [capped], SLICE_S) == Start(100, is_bound=True)
-    assert expected_start(job("b1"), [BUSY], SLICE_S) == Start(100, is_bound=False)
+    capped, other = replace(BUSY, is_capped=True), job("c1")
+    assert expected_start(job("b2"), [capped, other], SLICE_S) == Start(200, is_bound=True)
+    assert expected_start(job("b2"), [BUSY, other], SLICE_S) == Start(200, is_bound=False)
+    # The end of a turn is none of a job
+    assert expected_start(job("b1"), [capped], SLICE_S) == Start(11, is_bound=False)
     # A job's own cap, and those of jobs after it, say nothing of its start
     own = job("b1", is_capped=True)
     assert expected_start(own, [job("c2", is_capped=True)], SLICE_S) == Start(0, is_bound=False)

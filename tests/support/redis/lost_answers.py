@@ -30,6 +30,7 @@ from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.commands.studies import BeginStudy, ForgetStudy
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
+from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.commands.workers import Refused
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
@@ -539,6 +540,27 @@ def _(world: World) -> Callable[[], object]:
 @case("note_sweep", writes_only_times=True)
 def _(world: World) -> Callable[[], object]:
     return lambda: note_sweep(world.lossy)
+
+
+#: A trouble, as it is noted for a target.
+TROUBLE: Final = "farm ops idle worker-1"
+
+
+def noted_troubles(client: redis.Redis) -> object:
+    noted = NoteTroubles(scope="farm", found=(TROUBLE,), patience_ms=0, lease_ms=60_000)
+    return Scripts(client).run(noted)
+
+
+# The first one is taken to tell it, and if it does not, it is told when that lease is over.
+@case("note_troubles", lambda due: not due)
+def _(world: World) -> Callable[[], object]:
+    return lambda: noted_troubles(world.lossy)
+
+
+@case("note_told")
+def _(world: World) -> Callable[[], object]:
+    noted_troubles(world.direct)
+    return lambda: Scripts(world.lossy).run(NoteTold(trouble=TROUBLE))
 
 
 @case("pair", "an id")
