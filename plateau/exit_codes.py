@@ -9,7 +9,7 @@ from plateau.farm.model.states import JobState
 class ExitCode(IntEnum):
     """What a command's exit code means."""
 
-    OK = 0  #: success; the job that was waited for converged or was exhausted
+    OK = 0  #: success; the job that was waited for converged or reached its limit
     FAILED = 1  #: the command or the job failed; standard error says why
     USAGE = 2  #: the command line is invalid, or two images cannot be compared
     MISSED = 3  #: some jobs of the batch ended before their rule stopped them

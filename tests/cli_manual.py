@@ -53,9 +53,9 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         "Continue ended jobs",
         (
             "Each makes a new job from an ended one, which stays as it is: `continue` and "
-            "`rejudge` from its samples, `retry` from its scene."
+            "`rejudge` from its samples, `retry` and `resubmit` from its scene."
         ),
-        ("continue", "rejudge", "retry"),
+        ("continue", "rejudge", "retry", "resubmit"),
     ),
     (
         "Batches",

@@ -51,7 +51,12 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 def worker(fields: dict[str, str]) -> Worker:
     """A worker as its last heartbeat described it, without the fields of a newer Plateau."""
     about = json.loads(fields["about"])
-    known = {**about, "drained": "drained" in fields, "seen_at": moment(fields["seen_at"])}
+    known = {
+        **about,
+        "drained": "drained" in fields,
+        "saved_core_hours": round(int(fields.get("saved_core_ms", 0)) / 3_600_000, 9),
+        "seen_at": moment(fields["seen_at"]),
+    }
     return Worker.model_validate(known, extra="ignore")
 
 

@@ -65,7 +65,8 @@ class Guard(_Record):
     min_spp: int = Field(description="fewest spp at which a job may converge; 0 without a minimum")
     differs: list[Differs] = Field(description="where jobs differ from most others: at most 100")
     missed_jobs: int = Field(
-        description="how many have ended otherwise than by their rule: exhausted, cancelled, failed"
+        description="how many have ended otherwise than by their rule: at a limit, cancelled, "
+        "failed"
     )
     missed: list[str] = Field(description="their ids, in the batch's order: at most 100")
     spp: Extent | None = Field(None, description="of the jobs that converged")

@@ -9,6 +9,13 @@ from plateau.farm.model.shot import FrameOfShot
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
+#: The limits at which a job ends without converging, and how its reason then begins.
+_LIMITS: Final = {
+    "cap": "reached the cap",
+    "time limit": "reached its time limit",
+    "budget": "budget of",
+}
+
 
 def moment(milliseconds: str | int | float) -> datetime:
     """A time of Redis's clock as an aware datetime in UTC."""
@@ -234,6 +241,15 @@ class Job(_Record):
         description="when it was deleted: it is hidden, and can be restored until a sweep removes "
         "it after PLATEAU_KEEP_DELETED_DAYS",
     )
+
+    @property
+    def outcome(self) -> str:
+        """Its state as people read it; it names the limit at which the job ended, if any."""
+        if self.state is JobState.EXHAUSTED:
+            for limit, begins in _LIMITS.items():
+                if begins in self.reason:
+                    return f"reached its {limit}"
+        return self.state.in_words
 
     def duration_s(self, now: datetime) -> float:
         """Seconds from its submission to its end, or until `now`: waits and pauses count."""

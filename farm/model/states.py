@@ -11,7 +11,7 @@ class JobState(str, Enum):
     RENDERING = "rendering"
     PAUSED = "paused"
     CONVERGED = "converged"  #: a rule fired
-    EXHAUSTED = "exhausted"  #: the sample cap or the time limit ended it without
+    EXHAUSTED = "exhausted"  #: the cap, the time limit or a budget ended it without
     CANCELLED = "cancelled"
     FAILED = "failed"
 
@@ -19,6 +19,16 @@ class JobState(str, Enum):
     def ended(self) -> bool:
         """Whether no move leads out of the state."""
         return not JOB_MOVES[self]
+
+    @property
+    def in_words(self) -> str:
+        """The state as people read it."""
+        return "reached its limit" if self is JobState.EXHAUSTED else self.value
+
+    @property
+    def clause(self) -> str:
+        """The same with its verb, to be put behind a job."""
+        return f"has {self.in_words}" if self is JobState.EXHAUSTED else f"is {self.value}"
 
 
 _ENDS: Final = frozenset(

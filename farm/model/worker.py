@@ -23,6 +23,11 @@ class Machine(_Record):
     memory_used_bytes: int = Field(description="what no process could be given")
     disk_bytes: int | None = Field(None, description="of the disk that has the worker's cache")
     disk_free_bytes: int | None = Field(None, description="there, after the worker's last slice")
+    temperature_c: float | None = Field(
+        None,
+        description="of its processor after the worker's last slice; null where the system does "
+        "not tell",
+    )
 
 
 class RenderedSlice(_Record):
@@ -71,6 +76,11 @@ class Worker(_Record):
         None,
         description="what the slices cost that it has rendered since its start: their time, times "
         "its threads",
+    )
+    saved_core_hours: float = Field(
+        0.0,
+        description="its share, by samples, of what the stops of converged jobs saved since its "
+        "start",
     )
     last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
     kinds: tuple[str, ...] = Field(

@@ -49,7 +49,7 @@ _ID: Final = "?" * 12
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger"),
-    *("seeds", "deaths", "spoiled", "events", "log"),
+    *("seeds", "deaths", "spoiled", "events", "log", "shares"),
     # A command that moves a job puts a message for its webhook there, without address and secret.
     "deliveries",
 )

@@ -49,7 +49,7 @@ plateau:scene:SHA:going   string  set while the scene's blob is being removed   
 plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
-                                  for slices with which it was lost
+                                  for slices with which it was lost, ``saved_core_ms``
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
@@ -88,6 +88,8 @@ plateau:job:ID:paces      hash    worker → ms for which it had its last slice,
 plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
+plateau:job:ID:shares     hash    worker → samples that it has in the ledger, by which   till end
+                                  what a converged job saved is shared out
 plateau:job:ID:after      zset    gates that it waits for, in the order of its spec    till open
 plateau:job:ID:turns      set     groups in which it has its turn, or waits for it     till done
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
@@ -181,6 +183,7 @@ GROUP: Final = "workers"
 #: The keys of a job beside its hash.
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
+    "shares",
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
     *("owner", "fence", "rounds", "after", "turns", "shot"),
 )

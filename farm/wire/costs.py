@@ -1,10 +1,10 @@
 """What machine time costs: core hours times their price."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.job import Job
 from plateau.farm.process.settings import Settings
 
 #: Digits after the point of an amount: more than any currency has, for jobs of seconds.
@@ -30,19 +30,33 @@ class Price:
 
 
 class Cost(BaseModel):
-    """What a job cost, by the service's present price of a core hour."""
+    """What a job or a worker cost, by the service's present price of a core hour."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    amount: float = Field(description="of the job's `core_hours`")
-    saved: float = Field(description="of its `saved_core_hours`")
+    amount: float = Field(description="of the `core_hours`")
+    saved: float = Field(description="of the `saved_core_hours`")
     currency: str = Field(description="as the service's settings name it")
 
 
-def cost_of(job: Job, price: Price) -> Cost:
-    """What the job cost, and what its stop saved."""
+class Spender(Protocol):
+    """What has cost core hours: a job, or a worker."""
+
+    @property
+    def core_hours(self) -> float | None:
+        """Those that it has cost; None where that is not known."""
+
+    @property
+    def saved_core_hours(self) -> float:
+        """Those that were saved."""
+
+
+def cost_of(spender: Spender, price: Price | None) -> Cost | None:
+    """What it cost, and what was saved; None without a price, or where that is not known."""
+    if price is None or spender.core_hours is None:
+        return None
     return Cost(
-        amount=price.of(job.core_hours),
-        saved=price.of(job.saved_core_hours),
+        amount=price.of(spender.core_hours),
+        saved=price.of(spender.saved_core_hours),
         currency=price.currency,
     )

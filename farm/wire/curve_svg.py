@@ -46,16 +46,18 @@ class _Axis:
         return [number * step for number in range(int(self.high / step) + 1)]
 
 
-def curve_svg(job: Job, points: list[CurvePoint]) -> str:
+def curve_svg(job: Job, points: list[CurvePoint], *, style: str = "") -> str:
     """Draw a curve of at least one point: changed pixels above, the noise left below.
 
-    The axis of the noise is logarithmic. A line marks where each rule stopped or would have.
+    The axis of the noise is logarithmic. A line marks where each rule stopped or would have. A page
+    with the drawing has its style, and a file needs one inside.
     """
     spp = _Axis(0, points[-1].spp * 1.03, _LEFT, _WIDTH - _RIGHT)
     parts = [*_above(points, spp), *_below(job, points, spp), *_stops(job, points, spp)]
+    inside = f"<style>{style}</style>" if style else ""
     return (
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-        f'aria-label="The curve of the job; the table below has its points">{"".join(parts)}</svg>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
+        f'aria-label="The curve of the job">{inside}{"".join(parts)}</svg>'
     )
 
 

@@ -131,6 +131,8 @@ WORKER: Final[dict[str, Any]] = {
     "slices_done": 16,
     "samples_per_s": 2.7e6,
     "core_hours": 0.022,
+    "saved_core_hours": 0.35,
+    "cost": {"amount": 0.00088, "saved": 0.014, "currency": "EUR"},
     "kinds": [
         "mitsuba 3.9.1 (llvm_ad_rgb; libLLVM.so.19.1; AMD EPYC 9R14; bits 3f1c09ab27de)",
     ],
@@ -142,6 +144,7 @@ WORKER: Final[dict[str, Any]] = {
         "memory_used_bytes": 9_123_528_704,
         "disk_bytes": 250_790_436_864,
         "disk_free_bytes": 180_304_302_080,
+        "temperature_c": 71.5,
     },
     "last_error": "slice 3: the render process was ended by SIGSEGV while rendering a pass",
     "failures": 1,

@@ -139,6 +139,16 @@ class SliceLog(BaseModel):
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
 
 
+class WorkerView(Worker):
+    """A worker with what it has cost."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="ignore", json_schema_extra=_shows(examples.WORKER)
+    )
+
+    cost: Cost | None = Field(None, description="in money; null where the service has no price")
+
+
 class Workers(BaseModel):
     """The workers that live."""
 
@@ -146,7 +156,7 @@ class Workers(BaseModel):
         json_schema_extra=_shows({"workers": [examples.WORKER], "refused": [examples.REFUSED]})
     )
 
-    workers: list[Worker]
+    workers: list[WorkerView]
     refused: list[RefusedProcess] = Field(
         [],
         description="processes whose version does not fit the farm's: of each machine and role the "
@@ -262,6 +272,11 @@ class Health(BaseModel):
     status: str = "ok"
 
 
+def worker_view(worker: Worker, price: Price | None) -> WorkerView:
+    """The worker as the API shows it."""
+    return WorkerView(**worker.model_dump(), cost=cost_of(worker, price))
+
+
 def job_view(
     job: Job,
     waits_for: str | None = None,
@@ -296,6 +311,7 @@ def job_view(
         "thumbnail_png": f"{root}/thumbnail.png",
         "previews": f"{root}/previews",
         "report": f"{root}/report.html",
+        "results": f"{root}/results.zip",
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
@@ -312,6 +328,6 @@ def job_view(
         expected_start_s=round(start.seconds, 1) if isinstance(start, Start) else None,
         expected_start_is_bound=isinstance(start, Start) and start.is_bound,
         expected_start_unknown=start if isinstance(start, str) else None,
-        cost=None if price is None else cost_of(job, price),
+        cost=cost_of(job, price),
         links=links,
     )

@@ -23,7 +23,7 @@ With a service:
 
 \b
 Exit codes:
-  0    success; the job that was waited for converged or was exhausted
+  0    success; the job that was waited for converged or reached its limit
   1    the command or the job failed; standard error says why
   2    the command line is invalid, or `diff` cannot compare the two images
   3    some jobs of the batch ended before their rule stopped them

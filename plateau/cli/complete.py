@@ -49,7 +49,7 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
         return []
     useful = _USEFUL.get(ctx.info_name or "")
     return [
-        (job.id, f"{job.state.value}, {_NOT_PLAIN.sub('_', job.name)}")
+        (job.id, f"{job.outcome}, {_NOT_PLAIN.sub('_', job.name)}")
         for job in jobs
         if job.id.isalnum()
         and job.id.startswith(incomplete)

@@ -1,9 +1,11 @@
-"""Commands that continue an ended job, or try it again."""
+"""Commands that continue an ended job, try it again, or submit its scene again."""
 
+from inspect import signature
 from typing import Any, Final
 
 from plateau.cli import options as o
 from plateau.cli.app import app
+from plateau.cli.spec_fields import refusing
 
 _JUDGING: Final = (
     *("rule", "watch", "min_spp", "step", "denoise"),
@@ -11,6 +13,8 @@ _JUDGING: Final = (
     *("pixels_per_degree", "seen"),
     *("primaries", "background", "focus", "batch"),
 )
+#: A single job is no shot.
+_ALL: Final = tuple(name for name in signature(o.spec_from_options).parameters if name != "shot")
 
 
 @app.command("continue")
@@ -68,3 +72,23 @@ def retry(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
     from plateau.commands.jobs import retry as run
 
     run(job_id, url=url, as_json=as_json)
+
+
+@app.command()
+@o.takes_changes(*_ALL)
+def resubmit(
+    job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
+) -> None:
+    """Submit the scene of a job again, and print the new job's id.
+
+    For example:
+      plateau resubmit 3f9ac2d01b77 --max-spp 20000 -D width=1920 -D height=1080
+      plateau watch $(plateau resubmit 3f9ac2d01b77 --rule jod) -o out
+
+    The new job begins with no sample. Options that are not given are as in the old job, but for the
+    webhook and the jobs that it waited for. `plateau continue` keeps the samples.
+    """
+    from plateau.commands.jobs import resubmit as run
+
+    with refusing():
+        run(job_id, changes, url=url, as_json=as_json)

@@ -112,12 +112,12 @@ def spec_from_options(
     ] = None,
     max_spp: Annotated[
         int | None,
-        typer.Option(help="Most spp; a job that reaches them is exhausted.", show_default="10000"),
+        typer.Option(help="Most spp: the cap, at which a job ends.", show_default="10000"),
     ] = None,
     time_limit: Annotated[
         float | None,
         typer.Option(
-            help="Seconds until the job is exhausted, from its first slice on; with `render`, from "
+            help="Seconds until the job ends, from its first slice on; with `render`, from "
             "its submission on.",
             show_default="none",
         ),
@@ -339,6 +339,8 @@ def _as_it_was(option: inspect.Parameter) -> inspect.Parameter:
     shown = copy(shown)
     if shown.show_default is not True:  # it names the spec's own default
         shown.show_default = "as it was"
+    if option.default is False:
+        return option.replace(annotation=Annotated[kind | None, shown], default=None)
     return option.replace(annotation=Annotated[kind, shown])
 
 

@@ -45,8 +45,10 @@ def fetch(
     For example:
       plateau fetch 3f9ac2d01b77 -o out
 
-    Prints the names of the files written. Kept slices are fetched too, except those already in DIR.
-    Files of another job in DIR are removed; other files are not. --json prints the summary.
+    Writes what `plateau render` does, report.html among it, and prints the names of the files. Kept
+    slices are fetched too, except those already in DIR. Files of another job in DIR are removed;
+    other files are not. --json prints the summary. Over HTTP, GET /v1/jobs/ID/results.zip has all
+    but slices in one file.
     """
     from plateau.commands.fetch import fetch as run
 
@@ -62,7 +64,8 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
 
     In a pipe, columns are separated by tabs: id, host, best variant, threads, pool and tags, job
     and slice, rate over the last slice, slices done, load of the machine, its memory in use, disk
-    that is left for the cache, time since the worker's start, version, trouble.
+    that is left for the cache, temperature of its processor in °C, what the worker's slices have
+    cost since its start, its share of what its jobs saved, time since its start, version, trouble.
     Workers that were refused for their version are listed on standard error.
     """
     from plateau.commands.farm import workers as run

@@ -150,6 +150,7 @@ class AsyncClient:
     resume = _awaited(Client.resume)
     resume_batch = _awaited(Client.resume_batch)
     retry = _awaited(Client.retry)
+    resubmit = _awaited(Client.resubmit)
     scenes = _awaited(Client.scenes)
     targets = _awaited(Client.targets)
     set_priority = _awaited(Client.set_priority)

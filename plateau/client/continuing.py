@@ -1,10 +1,16 @@
 """Calls that continue an ended job, or try it again."""
 
 import secrets
-from typing import Any
+from typing import Any, Final
 
+from plateau.client.jobs import submitted
+from plateau.client.short_ids import with_whole_ids
 from plateau.client.transport import Calls
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
+
+#: Fields of a spec of which changes leave the rest as it was.
+_MERGED: Final = ("view", "exr", "parameters")
 
 
 class ContinuingCalls(Calls):
@@ -68,6 +74,43 @@ class ContinuingCalls(Calls):
             ``unknown-job``; ``job-not-ended``; ``too-many-needs``.
         """
         return self._new_job(f"/v1/jobs/{job_id}/retry", None, idempotency_key)
+
+    def resubmit(
+        self, job_id: str, changes: dict[str, Any] | None = None, *, idempotency_key: str = ""
+    ) -> JobView:
+        """Submit the scene of a job again; returns the new job, which begins with no sample.
+
+        Its spec is that of the old job, without the webhook; it waits for no other job, and is no
+        frame of a shot.
+
+        Parameters
+        ----------
+        job_id
+            The job, in any state.
+        changes
+            Changed fields of the spec, such as ``{"max_spp": 20_000}``. Of a view, of ``exr`` and
+            of parameters, those that are not given are as they were; any other replaces the old
+            one whole.
+        idempotency_key
+            As for `Client.submit`.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``unknown-scene`` if the scene is not stored any more; and those of
+            `Client.submit`.
+        pydantic.ValidationError
+            A field of the spec is unknown, or its value is not allowed.
+        """
+        job = self._transport.read(JobView, f"/v1/jobs/{job_id}")
+        fields = job.spec.model_dump(mode="json", exclude={"webhook", "after", "shot"})
+        for name, value in (changes or {}).items():
+            merged = name in _MERGED and isinstance(value, dict)
+            fields[name] = {**fields[name], **value} if merged else value
+        spec = with_whole_ids(JobSpec.model_validate(fields), self._transport.whole_id)
+        values, request = [spec.parameter_strings()], spec.as_request()
+        key = idempotency_key or None
+        return submitted(self._transport, JobView, job.scene_sha256, request, values, key)
 
     def _new_job(self, path: str, changes: dict[str, Any] | None, key: str) -> JobView:
         headers = {"Idempotency-Key": key or secrets.token_hex(16)}

@@ -9,7 +9,6 @@ from typing import Final
 
 from rich.console import Console
 
-from plateau import job_text
 from plateau.client import ApiError, Client
 from plateau.commands import shots
 from plateau.commands.connect import connect
@@ -19,7 +18,7 @@ from plateau.exit_codes import ExitCode
 from plateau.farm.model.batch import Extent
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.wire import figures
+from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.batch_views import BatchSteered, BatchView
 from plateau.farm.wire.views import JobView
 from plateau.files.frames import Values, each, from_file
@@ -190,7 +189,7 @@ def steer(name: str, action: str, *, url: str | None, as_json: bool) -> None:
         print(steered.model_dump_json(indent=2))
         return
     for one in steered.jobs:
-        state = "" if one.state is None else f" {one.state.value}"
+        state = "" if one.state is None else f" {one.state.in_words}"
         print(f"{one.job}{state}" + (f" ({one.why_not})" if one.why_not else ""))
 
 

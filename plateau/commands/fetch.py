@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from plateau import job_text
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
+from plateau.farm.wire import job_text
 from plateau.files.out_folder import make_ready
 from plateau.terminal.curve import job_curve
 

@@ -12,7 +12,7 @@ from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.redis.link import connect
 from plateau.farm.sweep import Swept, sweep
-from plateau.job_text import size
+from plateau.farm.wire.job_text import size
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.read_settings import farm_settings
 from plateau.processes.redis_at_hand import redis_at_hand

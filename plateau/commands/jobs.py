@@ -8,17 +8,16 @@ from typing import Any
 
 from rich.console import Console
 
-from plateau import job_text
 from plateau.commands.connect import connect
 from plateau.commands.follow import follow
-from plateau.commands.outputs import summary_json, write_results
+from plateau.commands.outputs import write_results
 from plateau.commands.webhooks import undelivered
 from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.wire import figures
+from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.views import JobView
 from plateau.files.out_folder import make_ready
 from plateau.terminal.progress import progress_on
@@ -59,7 +58,7 @@ def watch(
             tell(f"no longer watching; job {job_id} continues")
             raise
         if out is None:
-            about = summary_json(job, client.curve(job_id), [])
+            about = job_text.summary_json(job, client.curve(job_id), [])
         else:
             about = write_results(client, job, out)
     if as_json:
@@ -177,7 +176,7 @@ def steer(job_id: str, action: str, *, url: str | None, as_json: bool) -> None:
             "restore": client.restore,
         }
         job = calls[action](client.whole_id(job_id))
-    shown = f"{job.id} {', '.join((job.state.value, *job_text.filed(job)))}"
+    shown = f"{job.id} {', '.join((job.outcome, *job_text.filed(job)))}"
     print(job.model_dump_json(indent=2) if as_json else shown)
 
 
@@ -229,7 +228,7 @@ def _row(job: Job) -> tuple[str, ...]:
     left = "–" if job.estimate_fraction is None else figures.percent(job.estimate_fraction)
     return (
         job.id,
-        job.state.value,
+        job.outcome,
         f"{job.spp}/{job.spec.max_spp}",
         left,
         figures.duration(job.duration_s(utc_now())),
@@ -245,6 +244,15 @@ def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_js
     """Continue an ended job; prints the new job's id."""
     with connect(url) as client:
         _print_id(client.continue_job(client.whole_id(job_id), changes), as_json=as_json)
+
+
+def resubmit(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
+    """Submit the scene of a job again; prints the new job's id."""
+    with connect(url) as client:
+        job = client.resubmit(client.whole_id(job_id), changes)
+    _print_id(job, as_json=as_json)
+    if job.waits_for:
+        tell(f"job {job.id} {job.waits_for}")
 
 
 def rejudge(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:

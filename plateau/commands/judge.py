@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from plateau import job_text
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.files.job_folder import owner

@@ -12,11 +12,11 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import track
 
-from plateau import job_text
 from plateau.client import ApiError, Client
 from plateau.commands.batches import in_order
 from plateau.commands.connect import connect
 from plateau.errors import CommandFailed, tell
+from plateau.farm.wire import job_text
 from plateau.farm.wire.views import JobView
 from plateau.files.movie import SUFFIXES, write_movie
 from plateau.files.sequence import frames_of

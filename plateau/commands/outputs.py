@@ -10,10 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
-from plateau import job_text
 from plateau.client import ApiError
 from plateau.errors import CommandFailed, ExtraMissing, needs
-from plateau.farm.model.job import CurvePoint, utc_now
+from plateau.farm.model.job import CurvePoint, Event, utc_now
+from plateau.farm.wire import job_text
+from plateau.farm.wire.report import CAPTIONS, report_html
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import (
     IMAGES,
@@ -40,6 +41,9 @@ class Source(Protocol):
     def curve_csv(self, job_id: str, /) -> str:
         """The same as CSV."""
 
+    def happened(self, job_id: str, /) -> list[Event]:
+        """Its events."""
+
     def slices(self, job_id: str, /) -> list[SliceView]:
         """Its ledger."""
 
@@ -54,9 +58,9 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     an image and its maps;
     ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
     infinite anywhere; ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``,
-    where it kept them, for `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are
-    there already are not fetched again; what another job has left there is removed before the first
-    file is written.
+    where it kept them, for `plateau judge`; ``report.html``, ``summary.txt`` and ``summary.json``.
+    Slices that are there already are not fetched again; what another job has left there is removed
+    before the first file is written.
 
     Raises
     ------
@@ -125,15 +129,16 @@ class _Place:
 @dataclass(frozen=True)
 class _Fetched:
     points: list[CurvePoint]
+    events: list[Event]
     files: list[Path]
-    damaged: list[str]  #: what the service says of each file that it does not have whole
+    damaged: dict[str, str]  #: what the service says of each file that it does not have whole
 
 
 def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
     folder.mkdir(parents=True, exist_ok=True)
     # Asked for before anything is removed: the service may be gone.
     slices = _slices(client, job)
-    fetched = _Fetched(client.curve(job.id), [], [])
+    fetched = _Fetched(client.curve(job.id), client.happened(job.id), [], {})
     begin(folder, job.id, lambda path: _is_one_of(slices, path))
     for name in IMAGES:
         if name == SPP_MAP and not job.spec.by_zones:
@@ -154,7 +159,7 @@ def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
 
 def _check_whole(fetched: _Fetched) -> None:
     if fetched.damaged:
-        raise CommandFailed("\n".join(fetched.damaged))
+        raise CommandFailed("\n".join(fetched.damaged.values()))
 
 
 def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
@@ -168,9 +173,14 @@ def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
             files.append(folder / "curve.png")
         except ExtraMissing as error:
             _tell_once(f"no curve.png: {error}")
-    files += [folder / "summary.txt", folder / "summary.json"]
+    files += [folder / "report.html", folder / "summary.txt", folder / "summary.json"]
+    pictures: dict[str, bytes | None] = {
+        path.name: path.read_bytes() for path in fetched.files if path.name in CAPTIONS
+    }
+    pictures.update((name, None) for name in fetched.damaged if name in CAPTIONS)
+    _write(folder / "report.html", report_html(job, fetched.points, fetched.events, pictures))
     _write(folder / "summary.txt", job_text.summary(job, utc_now()) + "\n")
-    about = summary_json(job, fetched.points, files)
+    about = job_text.summary_json(job, fetched.points, [str(path) for path in files])
     _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about
 
@@ -198,7 +208,7 @@ def _write_slices(
     job: JobView,
     slices: dict[str, SliceView],
     folder: Path,
-    damaged: list[str],
+    damaged: dict[str, str],
 ) -> Path:
     folder.mkdir(exist_ok=True)
     for name, part in slices.items():
@@ -217,24 +227,13 @@ def _is_one_of(slices: dict[str, SliceView], path: Path) -> bool:
     )
 
 
-def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> dict[str, Any]:
-    """The job, its curve, how much it saved and the files that were written, as JSON values."""
-    return {
-        **job.model_dump(mode="json"),
-        "saved_fraction": job.saved_fraction,
-        "wall_s": job.duration_s(utc_now()),
-        "curve": [point.model_dump(mode="json") for point in points],
-        "files": [str(path) for path in files],
-    }
-
-
-def _download(client: Source, job_id: str, name: str, path: Path, damaged: list[str]) -> bool:
-    """Fetch a file, if it is there; what is said of a damaged one goes into a list."""
+def _download(client: Source, job_id: str, name: str, path: Path, damaged: dict[str, str]) -> bool:
+    """Fetch a file, if it is there; what is said of a damaged one is noted by its name."""
     try:
         client.download(job_id, name, path)
     except ApiError as error:
         if error.slug == "spoiled-file":
-            damaged.append(str(error))
+            damaged[name] = str(error)
         elif error.slug != "no-image-yet":
             raise
         return False

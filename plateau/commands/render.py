@@ -64,8 +64,8 @@ def render(
     if as_json:
         print(json.dumps(about, indent=2))
     else:
-        from plateau import job_text
         from plateau.farm.model.job import utc_now
+        from plateau.farm.wire import job_text
 
         print(job_text.summary(job, utc_now()))
         print(job_text.row("files", ", ".join(about["files"])))

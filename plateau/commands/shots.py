@@ -1,8 +1,8 @@
 """`plateau shot`: a batch as the video that it is."""
 
-from plateau import job_text
 from plateau.commands.connect import connect
 from plateau.farm.model.shot import Shot
+from plateau.farm.wire import job_text
 from plateau.farm.wire.shot_views import ShotView
 from plateau.terminal.tables import print_rows
 
@@ -39,7 +39,7 @@ def _rows(shot: ShotView) -> list[tuple[str, ...]]:
         (
             str(place),
             frame.job,
-            "waits" if frame.waits else "deleted" if frame.state is None else frame.state.value,
+            "waits" if frame.waits else "deleted" if frame.state is None else frame.state.in_words,
             f"{frame.spp:,}",
             "" if frame.needs_spp is None else f"{frame.needs_spp:,}",
             "" if last is None else f"{last.low_frames[place]:.2f}",

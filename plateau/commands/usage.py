@@ -4,8 +4,8 @@ from plateau.commands.connect import connect
 from plateau.errors import tell
 from plateau.farm.model.usage import Grouping
 from plateau.farm.wire.figures import significant
+from plateau.farm.wire.job_text import amount
 from plateau.farm.wire.usage_views import UsageRow
-from plateau.job_text import amount
 from plateau.terminal.tables import print_rows
 
 _SPARE = ("saved cost", "saved", "name", "jobs")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.wire import job_text
 from plateau.farm.wire.figures import share, significant
 from plateau.rules import StoppingRule
 
@@ -117,7 +117,7 @@ def curve_figure(name: str, outcome: str, points: list[CurvePoint], marks: Marks
 
 def _outcome(job: Job) -> str:
     saved = f", {share(job.saved_fraction)} of the cap saved" if job.samples_saved else ""
-    return f"{job.state.value} at {job.spp:,} spp{saved}"
+    return f"{job.outcome} at {job.spp:,} spp{saved}"
 
 
 def _draw_changed(axes: "Axes", points: list[CurvePoint], marks: Marks) -> None:

@@ -5,9 +5,8 @@ import io
 from html import escape
 from typing import Final
 
-from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Job, utc_now
-from plateau.farm.wire import figures
+from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.curve_svg import curve_svg
 
 #: A notebook keeps what it shows, so large images are shown smaller.
@@ -52,7 +51,7 @@ def headline(job: Job) -> str:
     """A job in one line of HTML: name, state, spp, time and reason."""
     now = utc_now()
     about = [
-        job.state.value if not job.spp else f"{job.state.value} at {job.spp:,} spp",
+        job.outcome if not job.spp else f"{job.outcome} at {job.spp:,} spp",
         *([] if job.width is None else [f"{job.width}×{job.height}", job.variant or ""]),
         figures.duration(job.duration_s(now)),
         job_text.time_left(job, now),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plateau.client import ApiError, Client
 from plateau.client.columns import columns
 from plateau.errors import CommandFailed, needs
-from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.job import CurvePoint, Event
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import JobView, SliceView
@@ -33,6 +33,7 @@ class Result:
     job: JobView  #: all that is known of the job
     points: list[CurvePoint]  #: the points of its curve, by rising spp
     files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
+    events: list[Event]  #: what happened to it, in order
 
     @classmethod
     def fetched(cls, client: Client, job: JobView) -> "Result":
@@ -44,7 +45,7 @@ class Result:
             except ApiError as error:
                 if error.slug != _NO_IMAGE:
                     raise
-        return cls(job, client.curve(job.id), files)
+        return cls(job, client.curve(job.id), files, client.happened(job.id))
 
     @property
     def state(self) -> JobState:
@@ -121,11 +122,11 @@ class Result:
 
     def _file(self, name: str) -> bytes:
         if name not in self.files:
-            raise CommandFailed(f"the job has no {name}: {self.job.state.value}, {self.reason}")
+            raise CommandFailed(f"the job has no {name}: {self.job.outcome}, {self.reason}")
         return self.files[name]
 
     def __repr__(self) -> str:
-        return f"<plateau.Result: {self.state.value} at {self.spp:,} spp: {self.reason}>"
+        return f"<plateau.Result: {self.job.outcome} at {self.spp:,} spp: {self.reason}>"
 
     def _repr_html_(self) -> str:
         return card(self.job, self.points, self.files.get("image.png"))
@@ -145,6 +146,9 @@ class _Kept:
 
     def curve_csv(self, _: str) -> str:
         return curve_csv(self._result.points)
+
+    def happened(self, _: str) -> list[Event]:
+        return self._result.events
 
     def slices(self, _: str) -> list[SliceView]:
         return []

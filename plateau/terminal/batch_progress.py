@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Final
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -12,6 +13,9 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.farm.wire.batch_views import BatchView
 from plateau.terminal.progress import progress_bar
+
+#: What is said of several jobs, where it is not their state's name.
+_COUNTED: Final = {JobState.EXHAUSTED: "reached their limit"}
 
 #: Shows the current state of a batch.
 Show = Callable[[BatchView], None]
@@ -46,7 +50,8 @@ def _on_lines(console: Console) -> Show:
 
 def in_states(states: Mapping[JobState, int]) -> str:
     """The number of jobs in each state, in the order of a job's states."""
-    return ", ".join(f"{states[state]:,} {state.value}" for state in JobState if state in states)
+    counts = {_COUNTED.get(one, one.value): states[one] for one in JobState if one in states}
+    return ", ".join(f"{count:,} {words}" for words, count in counts.items())
 
 
 def _lines(batch: BatchView) -> Group:

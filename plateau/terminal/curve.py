@@ -14,8 +14,8 @@ from typing import Final
 from plotille import Canvas
 from rich.text import Text
 
-from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.wire import job_text
 
 #: A smaller chart shows nothing; a wider one is hard to read.
 LEAST_COLUMNS: Final = 46

@@ -11,10 +11,9 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
 from plateau.farm.model.states import JobState
-from plateau.farm.wire import figures
+from plateau.farm.wire import figures, job_text
 from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, job_curve
 
 #: The render rate is that of the slices of the last seconds.

@@ -6,6 +6,7 @@ from operator import itemgetter
 from typing import Final
 
 from plateau.farm.model.job import Event, LogEntry
+from plateau.farm.model.states import JobState
 from plateau.farm.process.log import printable
 from plateau.farm.wire import figures
 
@@ -23,7 +24,7 @@ def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list
     """
     events = list(events)
     moves = [
-        (event.at, f"{event.data['to']}: {printable(str(event.data['reason']))}")
+        (event.at, f"{_state(event)}: {printable(str(event.data['reason']))}")
         for event in events
         if event.type == "state"
     ]
@@ -55,6 +56,10 @@ def log_lines(entries: Iterable[LogEntry]) -> Iterator[str]:
         cause = "" if one.cause is None else f": {_in_a_line(one.cause)}"
         yield f"{_time(one.at)}  slice {one.slice}  {one.what}{took} by {one.worker}{cause}"
         yield from (f"    {line}" for line in printable(one.text).splitlines())
+
+
+def _state(event: Event) -> str:
+    return JobState(event.data["to"]).in_words
 
 
 def _trouble(index: object, worker: object, cause: object) -> str:

@@ -43,6 +43,7 @@ from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import batches as routes_batches
 from plateau.service.api.routes import blocking as routes_blocking
 from plateau.service.api.routes import continuing as routes_continue
+from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
 from plateau.service.api.routes import images as routes_images
 from plateau.service.api.routes import jobs as routes_jobs
@@ -143,6 +144,7 @@ def create_app(
         routes_images,
         routes_previews,
         routes_report,
+        routes_downloads,
         routes_scenes,
         routes_usage,
         routes_webhooks,

@@ -10,12 +10,16 @@ import redis
 from playwright.sync_api import Page, expect
 
 from plateau.farm.ledger.api_keys import ApiKeys, Role
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
+from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.service.api.routes.test_workers import LIMITS
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 
@@ -70,20 +74,42 @@ def test_it_is_asked_for_once_and_opens_everything(
     expect(page.get_by_role("dialog")).to_be_visible()
 
 
-def test_a_viewer_is_offered_what_it_may(visit: Visit, farm: NoiseFarm, keys: ApiKeys) -> None:
+def test_a_viewer_is_offered_what_it_may(
+    visit: Visit, farm: NoiseFarm, keys: ApiKeys, client: redis.Redis
+) -> None:
     _, key = keys.create("guest", Role.VIEWER, LIMITS)
     job = farm.submit("box")
-    visitor = visit("/submit", expected={401})
+    visitor = visit("/submit", expected={401, 404})
     page = visitor.page
     give(page, key)
     expect(page.get_by_role("link", name="Submit a scene")).to_be_hidden()
-    page.get_by_role("link", name="Jobs").click()
+    page.get_by_role("link", name="Jobs", exact=True).click()
     page.get_by_role("button", name="Actions for box").click()
     expect(page.get_by_text("It is nobody's, and your key may not change it.")).to_be_visible()
     expect(page.get_by_role("checkbox")).to_have_count(0)  # to select jobs by
     page.goto(f"/jobs/{job.id}")
     expect(page.get_by_role("heading", name="box")).to_be_visible()
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
+    expect(page.get_by_label("Priority")).to_have_count(0)
+    # An ended one cannot be made again by it, nor one that failed
+    farm.jobs.cancel(job.id)
+    expect(page.locator(".title .state")).to_have_text("cancelled")
+    expect(page.get_by_role("link", name="Submit again…")).to_have_count(0)
+    failed = StagedJob(client)
+    failed.end(JobState.FAILED, "slice 0 failed 3 times: SIGKILL")
+    page.goto(f"/jobs/{failed.id}")
+    expect(page.get_by_role("region", name="Why it failed")).to_be_visible()
+    expect(page.get_by_role("button", name="Try again on another worker")).to_have_count(0)
+    # The form is not shown, whatever leads to it
+    for path in ("/submit", f"/submit?again={job.id}"):
+        page.goto(path)
+        expect(page.get_by_text("This key may look at jobs, and submit none.")).to_be_visible()
+        expect(page.locator("form")).to_have_count(0)
+    # Workers are looked at
+    SliceQueue(client, "w-1", 3600).heartbeat({**about("w-1"), "job": job.id, "slice": 3}, ())
+    page.goto("/workers")
+    expect(page.locator('[data-worker="w-1"]')).to_be_visible()
+    expect(page.locator("main").get_by_role("button")).to_have_count(0)
 
 
 def test_a_submitter_steers_its_own_jobs(

@@ -116,7 +116,7 @@ class Supervisor:
                 self._about.trouble = self._choice.why
                 self._sit_out(self._choice.variant)
             self._host.warm_up(self._choice.variant)
-            self._about.machine.look_at_disk()
+            self._about.machine.look_at_devices()
             self._work()
         finally:
             self._host.close()
@@ -228,7 +228,7 @@ class Supervisor:
         rendered = self._host.render(lease, self._uploader.show)
         self._pace.took(lease.job_id, rendered.render_s)
         self._about.rendered(rendered)
-        self._about.machine.look_at_disk()
+        self._about.machine.look_at_devices()
         return rendered
 
     def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:

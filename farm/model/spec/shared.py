@@ -69,12 +69,12 @@ class SharedSpec(Strict):
     slice_spp: int = Field(
         default=25, ge=1, le=4096, description="spp of one slice, the unit of work"
     )
-    max_spp: Spp = Field(default=10_000, description="cap: the job is exhausted there")
+    max_spp: Spp = Field(default=10_000, description="cap: the job ends there")
     time_limit_s: float | None = Field(
         default=None,
         ge=0.1,
         le=MOST_S,
-        description="seconds, pauses not counted, after which the job is exhausted; "
+        description="seconds, pauses not counted, after which the job ends; "
         "`time_limit_from` says where they begin",
     )
     time_limit_from: Literal["first_slice", "submission"] = Field(
@@ -104,7 +104,7 @@ class SharedSpec(Strict):
         le=1e9,
         allow_inf_nan=False,
         description="once the jobs of its batch that have a budget, or it alone without a batch, "
-        "have cost so many core hours, it is exhausted, or cancelled if it has no slice",
+        "have cost so many core hours, it ends with its image, or is cancelled if it has no slice",
     )
     flicker_guard: bool = Field(
         default=False,
@@ -128,8 +128,8 @@ class SharedSpec(Strict):
     after: After = Field(
         default=(),
         description="ids of jobs and names of batches: it waits until all of them, a batch with "
-        "the jobs that it has now, have converged or were exhausted, and their results are "
-        "written; if one fails or is cancelled, it is cancelled too",
+        "the jobs that it has now, have converged or reached their limits, and their results "
+        "are written; if one fails or is cancelled, it is cancelled too",
     )
     blocked: WorkerNames = Field(
         default=(),

@@ -113,15 +113,14 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
     @app.exception_handler(IllegalTransition)
     def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
         kind, possible = _REFUSALS[JobState(error.target)]
-        detail = f"job {error.job_id} is {error.state}; {possible}"
+        detail = f"job {error.job_id} {JobState(error.state).clause}; {possible}"
         problem = Problem(kind, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 
     @app.exception_handler(JobEnded)
     def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
-        detail = (
-            f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
-        )
+        clause = JobState(error.state).clause
+        detail = f"job {error.job_id} {clause}; only a job that has not ended can be changed"
         problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 

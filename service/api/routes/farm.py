@@ -20,6 +20,7 @@ from plateau.farm.wire.views import (
     Scenes,
     SceneView,
     Workers,
+    worker_view,
 )
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
@@ -43,7 +44,10 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 def _all_workers(farm: Parts) -> Workers:
     workers = farm.jobs.workers()
-    return Workers(workers=farm.workers.with_blocks(workers), refused=farm.workers.refused(workers))
+    return Workers(
+        workers=[worker_view(one, farm.price) for one in farm.workers.with_blocks(workers)],
+        refused=farm.workers.refused(workers),
+    )
 
 
 @router.get("/v1/workers", responses=documented())

@@ -160,18 +160,18 @@ def _no_image(job: Job, name: str) -> Problem:
         )
     elif name in {"noise.png", "quality.png"} and job.image_spp:
         detail = (
-            f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, whose "
+            f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, whose "
             "noise nobody knows yet: that takes two slices, and an image without broken pixels"
         )
     elif name == "spp.png" and not job.spec.by_zones:
         detail = f"job {job.id} is allocated by frame: all its pixels have the same samples"
     elif name == "non-finite.png" and job.image_spp:
         detail = (
-            f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, of which "
+            f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, of which "
             "no pixel is NaN or infinite"
         )
     elif job.state.ended:
-        detail = f"job {job.id} is {job.state.value} and left no image: {job.reason}"
+        detail = f"job {job.id} {job.state.clause} and left no image: {job.reason}"
     else:
         detail = (
             f"job {job.id} is {job.state.value}; its first image comes a moment after its first "
@@ -181,7 +181,7 @@ def _no_image(job: Job, name: str) -> Problem:
 
 
 def _no_difference(job: Job) -> str:
-    there = f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, but no"
+    there = f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, but no"
     first = f"the first point of its curve, at {min(job.spec.step, job.spec.max_spp)} spp"
     if job.state.ended:
         return f"{there} difference map: it ended before {first}: {job.reason}"

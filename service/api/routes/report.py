@@ -1,9 +1,12 @@
 """The route of a job's report."""
 
+import base64
+import hashlib
 from typing import Final
 
 from fastapi import APIRouter, Response
 
+from plateau.farm.wire.report import STYLE, report_html
 from plateau.service.api.http.etags import (
     NOT_MODIFIED,
     REVALIDATE,
@@ -12,16 +15,20 @@ from plateau.service.api.http.etags import (
     strong,
 )
 from plateau.service.api.parts import Farm
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
-from plateau.service.api.report.report import CAPTIONS, POLICY, report_html
+from plateau.service.api.results.job_files import pictures_of
 from plateau.service.api.routes.jobs import JobId
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 _HTML: Final = "text/html"
-_HEADERS: Final = {"Content-Security-Policy": POLICY, "Cache-Control": REVALIDATE}
+_STYLE_HASH: Final = base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()
+_POLICY: Final = (
+    f"default-src 'none'; img-src data:; style-src 'sha256-{_STYLE_HASH}'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'; sandbox"
+)
+_HEADERS: Final = {"Content-Security-Policy": _POLICY, "Cache-Control": REVALIDATE}
 
 
 class _HtmlResponse(Response):
@@ -66,14 +73,6 @@ def get_report(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     }
     if has.anything or has.has(tag):
         return not_modified(headers)
-    pictures: dict[str, bytes | None] = {}
-    for name in CAPTIONS if results else ():
-        blob = f"{results}/{name}"
-        try:
-            pictures[name] = farm.files.content(blob, farm.jobs.sha256(blob))
-        except SpoiledBlob:
-            pictures[name] = None
-        except FileNotFoundError:  # a newer set has just been shown, or this one has no map yet
-            continue
+    pictures = pictures_of(farm, results) if results else {}
     content = report_html(job, farm.jobs.curve(job.id), happened, pictures)
     return _HtmlResponse(content, headers=headers)

@@ -21,12 +21,6 @@ _APPRISE: Final = logging.getLogger("apprise")
 _APPRISE.addHandler(logging.NullHandler())
 _APPRISE.propagate = False
 
-_ENDS: Final = {
-    JobState.CONVERGED: "converged",
-    JobState.EXHAUSTED: "reached its limit",
-    JobState.CANCELLED: "was cancelled",
-    JobState.FAILED: "failed",
-}
 _COUNTED: Final = {
     JobState.CONVERGED: "converged",
     JobState.EXHAUSTED: "reached their limit",
@@ -93,9 +87,7 @@ class Notifications:
         lines = [f"Job {job.id}: {job.reason}", ", ".join(facts)]
         if self.price is not None:
             lines.append(f"cost {self.price.of(job.core_hours):g} {self.price.currency}".rstrip())
-        return Note(
-            f"{job.name} {_ENDS.get(job.state, job.state.value)}", self._with_link(lines, job)
-        )
+        return Note(f"{job.name} {_ended(job)}", self._with_link(lines, job))
 
     def of_batch(self, job: Job, states: Mapping[str, int]) -> Note:
         """The note that all jobs of a batch have ended; `job` was the last."""
@@ -106,6 +98,10 @@ class Notifications:
     def _with_link(self, lines: list[str], job: Job) -> str:
         link = [f"{self.url.rstrip('/')}/jobs/{job.id}"] if self.url else []
         return "\n".join((*lines, *link))
+
+
+def _ended(job: Job) -> str:
+    return "was cancelled" if job.state is JobState.CANCELLED else job.outcome
 
 
 def send(name: str, url: str, note: Note) -> None:

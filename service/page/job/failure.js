@@ -4,7 +4,8 @@ import { get } from "../shared/api.js";
 import { h } from "../shared/dom.js";
 import { clock, sentence, several } from "../shared/figures.js";
 import { complain } from "../shared/notices.js";
-import { tryAgainButton } from "./again_dialog.js";
+import { maySteer } from "../shared/permissions.js";
+import { tryAgainButton } from "./again.js";
 
 /** What to do: where the scene is at fault, where renderers died, and otherwise. */
 const ADVICE = {
@@ -28,7 +29,7 @@ export class Failure {
    * @param {(path: string) => void} go
    */
   show(job, go) {
-    const key = job.state === "failed" ? job.id : "";
+    const key = job.state === "failed" ? `${job.id} ${maySteer(job)}` : "";
     if (key === this.#shown) return;
     this.#shown = key;
     this.element.hidden = !key;
@@ -50,11 +51,11 @@ export class Failure {
     const workers = new Set(tries.map(({ worker }) => worker)).size;
     this.element.replaceChildren(h("div", {},
       h("p", {}, ADVICE[fatal ? "died" : tries.length ? "failed" : "none"]),
+      fatal && tryAgainButton(job, go),
       tries.length > 0 && h("p", { class: "summary" },
         `Slice ${tries[0].slice} was tried ${several(tries.length, "time")}, by ${several(workers, "worker")}.`),
       ...tries.map(({ at, worker, cause, text }) => h("div", {},
         h("p", { class: "summary" }, h("time", { datetime: at }, clock(at)), ` ${worker}: ${sentence(cause ?? "")}`),
-        text && h("pre", { tabindex: 0, "aria-label": `What ${worker} printed` }, text))),
-      fatal && tryAgainButton(job, go)));
+        text && h("pre", { tabindex: 0, "aria-label": `What ${worker} printed` }, text)))));
   }
 }

@@ -7,13 +7,13 @@ import { ago, whole } from "../shared/figures.js";
 import { controls, mayControl } from "../shared/job_controls.js";
 import { file, filedSince, filingButtons, filings } from "../shared/job_filing.js";
 import { JobId } from "../shared/job_id.js";
-import { ENDED, inWords, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
+import { ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
-import { maySteer } from "../shared/permissions.js";
+import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { studyButton } from "../study/make_study_dialog.js";
-import { againButton } from "./again_dialog.js";
+import { againButton } from "./again.js";
 import { continueButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
@@ -93,9 +93,9 @@ export function open(main, { id, signal, go }) {
     newest = job;
     screen.hidden = false;
     absent.hidden = true;
-    document.title = `${title(job)}: ${inWords(job.state)} · Plateau`;
+    document.title = `${title(job)}: ${outcome(job)} · Plateau`;
     setText(name, title(job));
-    setText(state, inWords(job.state));
+    setText(state, outcome(job));
     setAttribute(state, "data-state", job.state);
     copied.show(job.id);
     setText(about, [
@@ -118,7 +118,7 @@ export function open(main, { id, signal, go }) {
     const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
-    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${filings(job)} ${maySteer(job)}`;
+    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${filings(job)} ${maySteer(job)} ${maySubmit()}`;
     if (kind !== shown) {
       shown = kind;
       const buttons = [continueButton, rejudgeButton, studyButton, againButton].map((make) => make(job, go)).filter((one) => one !== null);

@@ -5,7 +5,7 @@ import { block } from "../shared/blocked_workers.js";
 import { h, setText, table } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
 import { mayControl } from "../shared/job_controls.js";
-import { isByQuality, zoneSize } from "../shared/job_summary.js";
+import { inWords, isByQuality, zoneSize } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 
 const EVERY_MS = 4000;
@@ -94,9 +94,12 @@ export class Records {
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
-    const report = ["report.html", "Report", "everything on one self-contained page", links.report];
+    const together = [
+      ["report.html", "Report", "everything on one self-contained page", links.report],
+      ["results.zip", "Zip", "all of these, with the pictures of its points and a summary", links.results],
+    ];
     const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
-    this.#files.replaceChildren(...(files.length ? [...files, report].map(([name, short, what, path]) => h("li", {},
+    this.#files.replaceChildren(...(files.length ? [...files, ...together].map(([name, short, what, path]) => h("li", {},
       downloadLink(path, `${id}-${name}`, short), " ", h("span", {}, what)))
       : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
   }
@@ -178,5 +181,5 @@ function told({ type, data }) {
     return [`The command ${data.name} ${how}${data.words ? `: ${data.words}` : "."}`];
   }
   const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";
-  return [h("b", { class: "state", "data-state": data.to }, data.to), reason];
+  return [h("b", { class: "state", "data-state": data.to }, inWords(data.to)), reason];
 }

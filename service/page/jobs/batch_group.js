@@ -38,7 +38,7 @@ export class BatchGroup {
   update({ jobs }) {
     const counts = new Map();
     for (const { state } of jobs) counts.set(state, (counts.get(state) ?? 0) + 1);
-    const states = [...counts].map(([state, count]) => `${count} ${inWords(state)}`).join(", ");
+    const states = [...counts].map(([state, count]) => `${count} ${inWords(state, count)}`).join(", ");
     setText(this.#counts, `${several(jobs.length, "job")}: ${states}`);
     setAttribute(this.element, "data-batch", this.#batch);
     const differing = namesOfDiffering(jobs);

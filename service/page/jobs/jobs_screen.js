@@ -4,6 +4,7 @@ import { get } from "../shared/api.js";
 import { h, KeyedList, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { ENDED, inWords } from "../shared/job_summary.js";
+import { maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
@@ -32,7 +33,7 @@ export function open(main, { signal, go }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
   const feed = new JobFeed(asked, signal);
-  /** @type {Api.Worker[]} */
+  /** @type {Api.WorkerView[]} */
   let workers = [];
   let loaded = false;
   let reaching = false;
@@ -181,8 +182,9 @@ export function open(main, { signal, go }) {
     more.hidden = !feed.next || reaches();
     nothing.hidden = jobs.length > 0 || reaches();
     const filtered = ["search", "state", "batch", "show"].some((name) => asked.has(name));
-    if (!nothing.hidden && nothing.dataset.filtered !== String(filtered)) {
-      nothing.dataset.filtered = String(filtered);
+    const shown = `${filtered} ${maySubmit()}`;
+    if (!nothing.hidden && nothing.dataset.shown !== shown) {
+      nothing.dataset.shown = shown;
       nothing.replaceChildren(...emptiness(filtered));
     }
   }
@@ -222,7 +224,7 @@ function grouped(jobs) {
 /**
  * @param {Api.JobView[]} jobs
  * @param {boolean} more - whether there are older ones
- * @param {Api.Worker[]} workers
+ * @param {Api.WorkerView[]} workers
  */
 function summed(jobs, more, workers) {
   const counts = STATES.slice(0, 3)
@@ -238,6 +240,7 @@ function summed(jobs, more, workers) {
 /** @param {boolean} filtered */
 function emptiness(filtered) {
   if (filtered) return [h("p", {}, "No job matches."), h("a", { href: "/" }, "Show all jobs")];
+  if (!maySubmit()) return [h("p", { class: "lead" }, "Nothing to see yet.")];
   return [
     h("p", { class: "lead" }, "Nothing to see yet."),
     h("p", {}, "Submit a Mitsuba scene, and watch it until more samples change nothing that you could see."),

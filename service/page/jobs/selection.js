@@ -1,6 +1,6 @@
 // The selected jobs, and the bar of actions on all of them.
 
-import { send } from "../shared/api.js";
+import { downloadLink, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { byId, h, setAttribute, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
@@ -14,6 +14,8 @@ import { maySteer } from "../shared/permissions.js";
 
 /** @type {Filing[]} */
 const FILINGS = ["archive", "restore", "delete"];
+/** Jobs whose results the API sends in one zip. */
+const MOST_DOWNLOADED = 200;
 
 export class Selection {
   #changed;
@@ -35,11 +37,12 @@ export class Selection {
   #priority = priorityForm(0, (priority) => this.#send(this.#selected().filter(mayControl), `Priority ${priority}`,
     ({ links }) => send("PATCH", links.self, { priority })));
   #compare = h("a", { class: "button", hidden: true }, "Compare");
+  #download = downloadLink("", "results.zip", "Download");
   #filings = filingButtons(FILINGS, (what) => file(this.#fit(what), what, this.#filed));
   #every = h("button", { class: "quiet", onclick: () => this.#select(this.#jobs.map(({ id }) => id)) });
   #clear = h("button", { class: "quiet", onclick: () => this.#select([]) }, "Clear");
   #bar = [
-    this.#count, this.#compare, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
+    this.#count, this.#compare, this.#download, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
   ];
   element = h("div", { class: "selected", role: "region", "aria-label": "Selected jobs", hidden: true });
 
@@ -72,6 +75,11 @@ export class Selection {
     const compared = selected.length === 2 ? comparisonOf(selected[0], selected[1]) : null;
     this.#compare.hidden = !compared;
     setAttribute(this.#compare, "href", compared);
+    const images = selected.filter(({ image_spp: spp }) => spp).slice(0, MOST_DOWNLOADED);
+    this.#download.hidden = !images.length;
+    this.#download.className = "button";
+    setText(this.#download, images.length < selected.length ? `Download ${images.length}` : "Download");
+    setAttribute(this.#download, "href", `/v1/results.zip?${images.map(({ id }) => `job=${id}`).join("&")}`);
     FILINGS.forEach((what, at) => (this.#filings[at].hidden = !this.#fit(what).length));
     this.#every.hidden = selected.length === this.#jobs.length;
     if (this.element.hidden === Boolean(selected.length)) {

@@ -111,16 +111,17 @@ export async function bytes(path, signal) {
  * @param {string} text
  */
 export function downloadLink(path, name, text) {
-  return h("a", { href: path, download: name, onclick: save }, text);
+  const link = h("a", { href: path, download: name, onclick: save }, text);
+  return link;
 
   /** @param {MouseEvent} event */
   async function save(event) {
     event.preventDefault();
     try {
-      const { blob } = await bytes(path);
-      const link = h("a", { href: URL.createObjectURL(blob), download: name });
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+      const { blob } = await bytes(link.href);
+      const saved = h("a", { href: URL.createObjectURL(blob), download: name });
+      saved.click();
+      setTimeout(() => URL.revokeObjectURL(saved.href), 10_000);
     } catch (error) {
       complain(error, true);
     }

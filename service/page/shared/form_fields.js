@@ -23,6 +23,8 @@ import { h, setText } from "./dom.js";
  * @property {boolean} [optional]
  */
 
+/** @typedef {number | string | (string | number)[] | null | undefined} FieldValue */
+
 let count = 0;
 
 export class Field {
@@ -68,10 +70,19 @@ export class Field {
     return type === "text" || type === "choice" ? text : rounded(Number(text) * scale);
   }
 
-  /** Shows another value of the spec. @param {number} value */
+  /**
+   * Shows another value of the spec.
+   * @param {FieldValue} value
+   */
   fill(value) {
-    this.input.value = String(this.#shown(value));
     this.blame("");
+    if (this.input instanceof HTMLSelectElement && this.input.multiple) {
+      const names = Array.isArray(value) ? value : [];
+      for (const option of this.input.options) option.selected = names.includes(option.value);
+      return;
+    }
+    const shown = Array.isArray(value) ? value.join(", ") : this.#shown(value ?? "");
+    this.input.value = String(shown);
   }
 
   /**
@@ -108,7 +119,15 @@ function rounded(value) {
  */
 export function fieldsOf(part, abouts) {
   const fields = abouts.map((about) => new Field(part, about));
-  return { fields, elements: fields.map((field) => field.element), values: () => valuesOf(fields) };
+  return {
+    fields,
+    elements: fields.map((field) => field.element),
+    values: () => valuesOf(fields),
+    /** Shows the values of a part of a spec. @param {object} spec */
+    fill: (spec) => {
+      for (const field of fields) if (field.name in spec) field.fill(/** @type {Record<string, FieldValue>} */ (spec)[field.name]);
+    },
+  };
 }
 
 /**

@@ -9,11 +9,22 @@ import { ruleNamed, valueIn } from "./rules.js";
 export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
 
 /**
- * A state in words: a job is exhausted at its cap of spp or at its time limit.
+ * A state in words.
  * @param {Api.JobState} state
+ * @param {number} [count] - of jobs
  */
-export function inWords(state) {
-  return state === "exhausted" ? "reached its limit" : state;
+export function inWords(state, count = 1) {
+  return state === "exhausted" ? `reached ${count === 1 ? "its" : "their"} limit` : state;
+}
+
+/**
+ * A job's state in words, with the limit at which it ended, if any.
+ * @param {Api.JobView} job
+ */
+export function outcome({ state, reason }) {
+  if (state !== "exhausted") return inWords(state);
+  const limit = ["reached the cap", "reached its time limit", "budget of"].findIndex((begins) => reason.includes(begins));
+  return limit < 0 ? inWords(state) : `reached its ${["cap", "time limit", "budget"][limit]}`;
 }
 
 /**
@@ -43,6 +54,9 @@ export function asked({ spec, width, height }, { withParameters }) {
     spec.denoise.name !== "none" && "denoised",
   ].filter(Boolean);
 }
+
+/** The parameter of the form's address that names the job whose spec it has. */
+export const AGAIN = "again";
 
 /** The parameter of a job's address that names the job with which it is compared. */
 export const WITH = "with";

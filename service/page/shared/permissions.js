@@ -8,9 +8,15 @@ import { get } from "./api.js";
  */
 let known = { id: null, role: "admin" };
 
+/** @type {() => void} */
+let met;
+/** Resolves once the API has said what the key allows, or cannot be asked. @type {Promise<void>} */
+export const metMe = new Promise((resolve) => { met = resolve; });
+
 /** Asks the API about the key. */
 export async function meetMe() {
   known = await get("/v1/key").catch(() => known);
+  met();
 }
 
 /** Whether a scene may be submitted. */

@@ -2,12 +2,14 @@
 
 import { h } from "../shared/dom.js";
 import { fieldsOf } from "../shared/form_fields.js";
-import { fieldIn, RULES, watchable } from "../shared/rules.js";
+import { fieldIn, parametersOf, RULES, watchable } from "../shared/rules.js";
 
 /** @import { RuleAbout } from "../shared/rules.js" */
 
 export class RuleChoice {
   #rules = RULES.map((rule) => this.#choice(rule));
+  /** @type {Api.JobSpec["watch"]} */
+  #watch = [];
   #chosen = this.#rules.find((rule) => rule.default) ?? this.#rules[0];
   element = h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" },
     this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
@@ -26,11 +28,24 @@ export class RuleChoice {
     return this.#chosen.fields;
   }
 
-  /** The parts of the spec that it is. */
+  /** The parts of the spec that it is. A rule that a filled in spec watches keeps its parameters. */
   values() {
     const { name, values } = this.#chosen;
     const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
-    return { rule: { name, ...values() }, watch: watched.map((one) => ({ name: one.name })) };
+    return {
+      rule: { name, ...values() },
+      watch: watched.map((one) => this.#watch.find((had) => had.name === one.name) ?? { name: one.name }),
+    };
+  }
+
+  /**
+   * Takes the rules of a job.
+   * @param {Api.JobSpec} spec
+   */
+  fill({ rule, watch }) {
+    this.take({ ...parametersOf(rule), name: rule.name });
+    this.#watch = watch;
+    for (const one of this.#rules) one.watch.checked = watch.some(({ name }) => name === one.name);
   }
 
   /**

@@ -27,7 +27,12 @@ export class SpecForm {
     help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
   #keep = h("input", { type: "checkbox", id: "keep-slices" });
   #guard = h("input", { type: "checkbox", id: "flicker-guard" });
+  /** What of a filled in spec has no field. */
+  #kept = {};
+  /** @type {Partial<Api.JobSpec["view"]>} */
+  #keptView = {};
   elements;
+  #details;
 
   /** @param {HTMLElement} presets - shown above the rules */
   constructor(presets) {
@@ -37,7 +42,7 @@ export class SpecForm {
       this.#denoise.element,
       h("fieldset", {}, h("legend", {}, "How is it viewed?"), this.#places(), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
-      h("details", {}, h("summary", {}, "More"),
+      (this.#details = h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
         h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
         h("fieldset", {}, h("legend", {}, "Who hears of it, and what comes then?"), h("div", { class: "fields" }, this.#atItsEnd.elements, this.#webhook.elements)),
@@ -48,7 +53,7 @@ export class SpecForm {
           "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
           "Guard it against flicker: only jobs that stop alike may join")),
-        this.rule.watched),
+        this.rule.watched)),
     ];
   }
 
@@ -59,6 +64,27 @@ export class SpecForm {
         for (const field of this.#view.fields) if (field.name in view) field.fill(view[field.name]);
         say(`The view below is that of a ${name}.`);
       } }, TITLES[name] ?? name)));
+  }
+
+  /**
+   * Shows the spec of a job, but for its parameters and its webhook, of which only its owner knows the whole.
+   * @param {Api.JobSpec} spec
+   */
+  fill(spec) {
+    const { zones, frame_seed, view, aovs } = spec;
+    this.#kept = { zones, frame_seed };
+    this.#keptView = view.focus ? { focus: view.focus } : {};
+    for (const part of [this.#limits, this.#more, this.#workers, this.#atItsEnd]) part.fill(spec);
+    this.#view.fill(view);
+    this.#exr.fill(spec.exr);
+    this.#background.fill(view.background.some(Boolean) ? view.background : "");
+    this.#allocation.fill(spec.allocation);
+    this.#denoise.fill(spec.denoise);
+    this.rule.fill(spec);
+    for (const one of this.#aovs) one.checked = aovs.some((name) => name === one.value);
+    this.#keep.checked = spec.keep_slices;
+    this.#guard.checked = spec.flicker_guard;
+    this.#details.open = true;
   }
 
   get fields() {
@@ -81,10 +107,10 @@ export class SpecForm {
     const background = this.#background.value;
     const webhook = this.#webhook.values();
     return {
-      ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#atItsEnd.values(),
+      ...this.#kept, ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#atItsEnd.values(),
       ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
       ...(webhook.url && { webhook }),
-      view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
+      view: { ...this.#keptView, ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
       aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
       exr: this.#exr.values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
     };

@@ -6,8 +6,10 @@ import { bytes, several, share } from "../shared/figures.js";
 import { blame, Field, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
-import { offer } from "../shared/spec_fields.js";
+import { AGAIN, title } from "../shared/job_summary.js";
+import { maySubmit, metMe } from "../shared/permissions.js";
 import { meetRules } from "../shared/rules.js";
+import { offer } from "../shared/spec_fields.js";
 import { Frames } from "./frames.js";
 import { Presets } from "./presets.js";
 import { SpecForm } from "./spec_form.js";
@@ -23,8 +25,20 @@ export async function open(main, { signal, go }) {
   const waiting = h("div", { class: "submit" }, h("h1", {}, "Submit a scene"));
   main.append(waiting);
   const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [], roots: [] }));
-  const named = get("/v1/targets", signal).then(offer, () => {});
-  await Promise.all([meetRules(signal), named]).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
+  try {
+    await Promise.all([meetRules(signal), metMe]);
+    if (!maySubmit()) {
+      waiting.append(h("p", { class: "lead" }, "This key may look at jobs, and submit none."), h("a", { class: "button", href: "/" }, "Show the jobs"));
+      return;
+    }
+    await get("/v1/targets", signal).then(offer, () => {});
+    const id = new URLSearchParams(location.search).get(AGAIN);
+    const job = id ? await get(`/v1/jobs/${encodeURIComponent(id)}`, signal) : null;
+    waiting.replaceWith(new Submission(signal, go, scenes, job).element);
+  } catch (error) {
+    if (signal.aborted) return;
+    waiting.append(h("p", { class: "bad", role: "alert" }, messageOf(error)), h("a", { class: "button", href: "/submit" }, "Submit a scene"));
+  }
 }
 
 class Submission {
@@ -41,6 +55,9 @@ class Submission {
   #wanted = new OneJob();
   /** @type {Field[]} */
   #parameters = [];
+  /** The values of parameters that a job had, for the fields of its scene. @type {Api.JobSpec["parameters"]} */
+  #given = {};
+  #hint = h("p", { class: "lead", hidden: true });
   #frames = new Frames();
   /** @type {Presets} */
   #presets;
@@ -65,8 +82,9 @@ class Submission {
    * @param {AbortSignal} signal
    * @param {(path: string) => void} go
    * @param {Promise<Api.Scenes>} scenes - those that are stored
+   * @param {Api.JobView | null} again - the job whose scene and spec are filled in
    */
-  constructor(signal, go, scenes) {
+  constructor(signal, go, scenes, again) {
     this.#signal = signal;
     this.#go = go;
     this.#presets = new Presets((rule) => this.#spec.rule.take(rule), () => ({
@@ -88,8 +106,24 @@ class Submission {
       ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, "Submit a scene"), this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
+      h("h1", {}, again ? `Submit ${title(again)} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored(scenes);
+    if (again) this.#fill(again);
+  }
+
+  /**
+   * Takes the scene and the spec of a job, to be changed.
+   * @param {Api.JobView} job
+   */
+  #fill({ scene_sha256: sha256, spec }) {
+    const { webhook, shot } = spec;
+    this.#spec.fill(spec);
+    this.#given = spec.parameters;
+    setText(this.#hint, ["A new job renders the same scene from its first sample on, as you ask for it below.",
+      webhook ? "The job's webhook is left out: add it, if it is to hear of the new job." : "",
+      shot ? "The new job is no frame of the shot." : ""].filter(Boolean).join(" "));
+    this.#hint.hidden = false;
+    this.#take({ sha256 });
   }
 
   // The scene.
@@ -107,6 +141,7 @@ class Submission {
 
   #takeStored() {
     if (!this.#stored.value) return;
+    this.#given = {};
     this.#placed.value = "";
     this.#take({ sha256: this.#stored.value });
   }
@@ -142,7 +177,8 @@ class Submission {
     this.#blame(null);
     const name = this.#file?.name ?? (this.#path || "the stored scene");
     setText(this.#said, `Checking ${name} …`);
-    const form = this.#form({ parameters: valuesOf(this.#parameters), sensor: this.#spec.sensor });
+    const parameters = { ...this.#given, ...valuesOf(this.#parameters) };
+    const form = this.#form({ parameters, sensor: this.#spec.sensor });
     this.#presets.forget();
     this.#progress.hidden = !form.has("scene");
     try {
@@ -187,6 +223,7 @@ class Submission {
     this.#summary.replaceChildren(...rows.filter(([, text]) => text).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
     if (!this.#parameters.length) {
       for (const [name, value] of Object.entries(found.parameters)) this.#addParameter(name, value);
+      this.#given = {};
       this.#showParameters("The scene's parameters with their defaults, which your values replace.");
     }
     this.#rest.hidden = false;
@@ -198,7 +235,7 @@ class Submission {
    * @param {string} placeholder
    */
   #addParameter(name, placeholder) {
-    const field = new Field("spec.parameters", { name, label: name, type: "text", optional: true, value: "", placeholder, maxlength: 200 });
+    const field = new Field("spec.parameters", { name, label: name, type: "text", optional: true, value: String(this.#given[name] ?? ""), placeholder, maxlength: 200 });
     field.input.addEventListener("change", () => this.#check());
     this.#parameters.push(field);
   }

@@ -1,51 +1,132 @@
-"""Submitting the scene of an ended job again, from the job's screen."""
+"""Submitting the scene of an ended job again: the form has its spec."""
 
 import json
 import re
+from typing import Any
 
 import httpx
-from playwright.sync_api import expect
+import pytest
+from playwright.sync_api import Page, expect
 
 from plateau.farm.model.states import JobState
+from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
-from tests.support.scenes.bundles import scene
+
+PARAMETERS = {"width": "64", "height": "48"}
+
+
+def ended(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
+    """A job that was cancelled before it had begun."""
+    asked = {"parameters": PARAMETERS, **spec}
+    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(asked))}
+    job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
+    farm.jobs.cancel(job["id"])
+    return job
+
+
+def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
+    """The spec of the job that the form makes."""
+    page.get_by_role("button", name="Render it").click()
+    expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    job = farm.jobs.get(page.url.rpartition("/")[2])
+    assert job.state is JobState.QUEUED
+    return job.spec.model_dump(mode="json")
 
 
 def test_a_scene_is_submitted_again_with_another_spec(
     visit: Visit, farm: NoiseFarm, url: str
 ) -> None:
-    # Given a job that was cancelled before it had begun
-    asked = {"name": "kitchen", "max_spp": 400, "rule": {"name": "fixed", "spp": 300}, "seed": 7}
-    files = {"scene": ("box.xml", scene()), "spec": ("spec.json", json.dumps(asked))}
-    first = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
-    farm.jobs.cancel(first["id"])
+    first = ended(farm, url, name="kitchen", max_spp=400, rule={"name": "fixed", "spp": 300})
     page = visit(f"/jobs/{first['id']}", expected={404, 422}).page
-    page.get_by_role("button", name="Submit again…").click()
-    dialog = page.get_by_role("dialog")
-    spec = dialog.get_by_label("The spec, as JSON")
-    had = json.loads(spec.input_value())
-    assert {name: had[name] for name in ("name", "max_spp", "seed")} == {
-        "name": "kitchen",
-        "max_spp": 400,
-        "seed": 7,
-    }
+    page.get_by_role("link", name="Submit again…").click()
+    expect(page).to_have_url(re.compile(rf"/submit\?again={first['id']}$"))
+    expect(page.get_by_role("heading", name="Submit kitchen again")).to_be_visible()
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     # What cannot be is said by the service, and can be mended
-    spec.fill('{"max_spp": 400')
-    dialog.get_by_role("button", name="Submit it").click()
-    expect(dialog.get_by_role("alert")).to_contain_text("JSON")
-    spec.fill(json.dumps({**had, "max_spp": 800}))
-    dialog.get_by_role("button", name="Submit it").click()
-    # Then there is another job of the same scene
-    expect(page).not_to_have_url(re.compile(f"{first['id']}$"))
-    expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
-    new = farm.jobs.get(page.url.rpartition("/")[2])
-    assert new.scene_sha256 == first["scene_sha256"]
-    assert (new.spec.max_spp, new.spec.seed, new.spec.rule.spp) == (800, 7, 300)
-    assert new.state is JobState.QUEUED
+    page.get_by_label("Stop at", exact=True).fill("0")
+    page.get_by_role("button", name="Render it").click()
+    expect(page).to_have_url(re.compile("again="))
+    page.get_by_label("Stop at", exact=True).fill("350")
+    page.get_by_label("width", exact=True).fill("32")
+    spec = sent(page, farm)
+    assert farm.jobs.get(page.url.rpartition("/")[2]).scene_sha256 == first["scene_sha256"]
+    # Then the new job has what was changed, and all else as it was
+    changed = {"rule": {"name": "fixed", "spp": 350}, "parameters": {"width": "32", "height": "48"}}
+    assert spec == {**first["spec"], **changed}
 
 
-def test_a_job_that_has_not_ended_has_no_such_button(visit: Visit, farm: NoiseFarm) -> None:
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {
+            "rule": {"name": "reverse", "window": 7, "epsilon": 0.2},
+            "watch": [{"name": "visible", "target": 0.05, "min_spp": 100}, {"name": "myszkowski"}],
+            "allocation": {"name": "zones", "size": 32},
+            "min_spp": 300,
+            "time_limit_s": 90.0,
+            "time_limit_from": "submission",
+        },
+        {
+            "denoise": {"name": "oidn", "guides": False},
+            "view": {
+                "exposure_ev": 1.5,
+                "white_luminance": 300.0,
+                "pixels_per_degree": 57.0,
+                "background": [0.2, 0.0, 0.5],
+                "focus": [[1.0, 0.5], [0.25, 1.0]],
+                "primaries": "adobe1998",
+            },
+            "aovs": ["albedo", "depth"],
+            "exr": {"precision": "half", "compression": "zip"},
+            "zones": [4, 4],
+        },
+        {
+            "batch": "walk",
+            "at_once": 3,
+            "flicker_guard": True,
+            "keep_slices": True,
+            "budget_core_hours": 2.5,
+            "priority": -5,
+            "variant": "scalar_rgb",
+            "pool": "night",
+            "requires": ["gpu", "highmem"],
+            "blocked": ["west"],
+            "seed": 12,
+            "sensor": 0,
+            "slice_spp": 50,
+            "step": 200,
+        },
+    ],
+)
+def test_what_is_not_changed_is_as_it_was(
+    visit: Visit, farm: NoiseFarm, url: str, asked: dict[str, object]
+) -> None:
+    first = ended(farm, url, **asked)
+    page = visit(f"/submit?again={first['id']}", expected={404}).page
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    spec = sent(page, farm)
+    assert spec == first["spec"]
+
+
+def test_a_webhook_is_left_out_and_the_form_says_so(
+    visit: Visit, farm: NoiseFarm, url: str
+) -> None:
+    first = ended(farm, url, webhook={"url": "https://studio.example/hook"})
+    page = visit(f"/submit?again={first['id']}", expected={404}).page
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    expect(page.get_by_text("The job's webhook is left out")).to_be_visible()
+    assert sent(page, farm)["webhook"] is None
+
+
+def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
+    page = visit("/submit?again=0123456789ab", expected={404}).page
+    expect(page.get_by_role("alert").filter(has_text="there is no job")).to_be_visible()
+    page.get_by_role("link", name="Submit a scene").last.click()
+    expect(page.locator("#scene-file")).to_be_attached()
+
+
+def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{farm.submit('box').id}").page
     expect(page.get_by_role("heading", name="box")).to_be_visible()
-    expect(page.get_by_role("button", name="Submit again…")).to_have_count(0)
+    expect(page.get_by_role("link", name="Submit again…")).to_have_count(0)

@@ -13,6 +13,8 @@ from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.scenes.bundles import scene
 
+#: Whether an element comes before another in the document.
+BEFORE = "(one, other) => Boolean(one.compareDocumentPosition(other) & 4)"
 KILLED = "the render process was ended by SIGKILL while rendering a pass"
 
 
@@ -47,7 +49,10 @@ def test_what_workers_died_of_is_said_with_their_log_and_it_is_tried_again(
     expect(why(page)).to_contain_text("too little memory for the scene")
     expect(why(page)).to_contain_text("Slice 0 was tried 3 times, by 2 workers.")
     expect(why(page).locator("pre")).to_have_text([f"out of memory, try {n}" for n in range(3)])
-    why(page).get_by_role("button", name="Try again on another worker").click()
+    # What to do comes before the log
+    again = why(page).get_by_role("button", name="Try again on another worker")
+    assert again.evaluate(BEFORE, why(page).locator("pre").first.element_handle())
+    again.click()
     expect(page).not_to_have_url(re.compile(f"{poisoned}$"))
     expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
     expect(why(page)).to_have_count(0)
@@ -78,5 +83,5 @@ def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(
 def test_only_a_failed_job_has_such_a_part(visit: Visit, farm: NoiseFarm) -> None:
     job = farm.jobs.cancel(farm.submit("box").id)
     page = visit(f"/jobs/{job.id}", expected={404}).page
-    expect(page.get_by_role("button", name="Submit again…")).to_be_visible()
+    expect(page.get_by_role("link", name="Submit again…")).to_be_visible()
     expect(why(page)).to_be_hidden()

@@ -327,6 +327,7 @@ def test_its_records_are_there(shown: Page, finished: Finished) -> None:
         ("Noise", "noise.png", b"\x89PNG"),
         ("CSV", "curve.csv", b"spp,visible_pixels"),
         ("Report", "report.html", b"<!doctype html>"),
+        ("Zip", "results.zip", b"PK"),
     ],
 )
 def test_its_files_can_be_saved(

@@ -1,5 +1,7 @@
 """Several jobs at once, in a real browser."""
 
+from zipfile import ZipFile
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -7,6 +9,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.until import until
 
 
 @pytest.fixture
@@ -80,6 +83,22 @@ def test_some_are_cancelled_by_keyboard_alone(
     expect(bar).to_have_count(0)
     expect(page.locator("main")).to_be_focused()
     expect(page.locator(".job")).to_have_count(2)
+
+
+def test_their_results_come_in_one_zip(visit: Visit, farm: NoiseFarm, jobs: list[Job]) -> None:
+    with farm.monitor():
+        until(lambda: farm.jobs.results(jobs[3].id))
+    page = visit().page
+    bar = page.get_by_role("region", name="Selected jobs")
+    pick(page, "two")
+    # Of a job without an image there is nothing to fetch
+    expect(bar.get_by_role("link", name="Download")).to_be_hidden()
+    pick(page, "one")
+    with page.expect_download() as download:
+        bar.get_by_role("link", name="Download 1").click()
+    assert download.value.suggested_filename == "results.zip"
+    names = ZipFile(download.value.path()).namelist()
+    assert f"0000-{jobs[3].id}/image.png" in names
 
 
 def test_jobs_that_a_search_hides_are_not_changed(

@@ -1,15 +1,18 @@
-"""`plateau continue` and `plateau rejudge`: ended jobs, gone on with from the command line."""
+"""`plateau continue | rejudge | resubmit`: new jobs from old ones, by the command line."""
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 import redis
 from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.farm.model.job import Job
+from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 
@@ -68,3 +71,35 @@ def test_what_cannot_be_says_what_could(farm: NoiseFarm) -> None:
     assert "submit with keep_slices" in error
     assert "its step cannot change" in plateau("continue", job.id, "--step", "40")[2]
     assert "it is queued: it goes on by itself" in plateau("continue", farm.submit(**SHORT).id)[2]
+
+
+def test_a_scene_is_submitted_again_with_what_was_changed(farm: NoiseFarm) -> None:
+    files = {"scene": ("box.xml", SCENE_XML)}
+    asked = {
+        **SHORT,
+        "parameters": {"width": "64", "height": "48"},
+        "view": {"exposure_ev": 1.0, "focus": [[1.0, 0.5]]},
+        "watch": [{"name": "visible"}],
+        "keep_slices": True,
+        "webhook": {"url": "https://studio.example/hook"},
+    }
+    url = f"{os.environ['PLATEAU_URL']}/v1/jobs"
+    files |= {"spec": ("spec.json", json.dumps(asked))}
+    answer = httpx.post(url, files=files, timeout=60)
+    assert answer.status_code == 201, answer.text
+    old = answer.json()
+    options = ("--max-spp", "600", "-D", "width=32", "--white-luminance", "300")
+    code, out, err = plateau("resubmit", old["id"][:8], *options)
+    assert (code, "waits for a worker" in err) == (0, True)
+    new = farm.jobs.get(out.strip())
+    assert new.scene_sha256 == old["scene_sha256"]
+    # Then what was given is another, the rest is as it was, and the webhook is left out
+    assert new.spec.model_dump(mode="json") == {
+        **old["spec"],
+        "max_spp": 600,
+        "parameters": {"width": "32", "height": "48"},
+        "view": {**old["spec"]["view"], "white_luminance": 300},
+        "webhook": None,
+    }
+    code, _, err = plateau("resubmit", old["id"], "--max-spp", "0")
+    assert (code, "--max-spp" in err) == (2, True)

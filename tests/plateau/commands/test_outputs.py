@@ -65,6 +65,7 @@ def test_all_that_a_converged_job_has(
         "difference.png",
         "curve.csv",
         "curve.png",
+        "report.html",
         "summary.txt",
         "summary.json",
     }
@@ -74,6 +75,7 @@ def test_all_that_a_converged_job_has(
     assert [row["spp"] for row in rows] == ["100", "200", "300", "400"]
     with Image.open(folder / "curve.png") as picture:
         assert picture.size == (1200, 900)
+    assert (folder / "report.html").read_bytes() == plateau.image(job.id, "report.html")
     text = (folder / "summary.txt").read_text()
     assert "converged" in text
     assert re.search(r"^samples: +400 of at most 1,000 spp$", text, re.MULTILINE)
@@ -98,7 +100,9 @@ def test_a_file_that_is_damaged_costs_the_others_nothing(
     with pytest.raises(CommandFailed, match=r"/image.exr is damaged or lost"):
         write_results(plateau, plateau.job(job.id), tmp_path / "out")
     written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
-    assert written == {"image.png", "curve.csv", "curve.png", "summary.txt", "summary.json"}
+    assert written == {
+        *("image.png", "curve.csv", "curve.png", "report.html", "summary.txt", "summary.json"),
+    }
 
 
 @pytest.mark.parametrize("state", [JobState.EXHAUSTED, JobState.CANCELLED])
@@ -115,7 +119,7 @@ def test_a_job_without_an_image_leaves_its_summary(
     plateau: Client, client: redis.Redis, tmp_path: Path
 ) -> None:
     write_results(plateau, plateau.job(failed(client).id), tmp_path / "out")
-    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
+    assert visible(tmp_path / "out") == {"report.html", "summary.txt", "summary.json"}
     assert "no plugin of that name" in (tmp_path / "out" / "summary.txt").read_text()
 
 
@@ -134,7 +138,7 @@ class TestAFolderThatAnotherJobHadBefore:
         write_results(plateau, plateau.job(failed(client).id), tmp_path)
         # Then nothing of the first is left, and all else is
         files = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-        assert files == {"summary.txt", "summary.json", ".plateau-job"} | others
+        assert files == {"report.html", "summary.txt", "summary.json", ".plateau-job"} | others
         assert all((tmp_path / name).read_text() == "mine" for name in others)
 
     def test_has_nothing_of_it_either_where_a_plateau_before_this_one_wrote_it(
@@ -143,7 +147,7 @@ class TestAFolderThatAnotherJobHadBefore:
         write_results(plateau, plateau.job(finished(client, store).id), tmp_path)
         (tmp_path / ".plateau-job").unlink()
         write_results(plateau, plateau.job(failed(client).id), tmp_path)
-        assert visible(tmp_path) == {"summary.txt", "summary.json"}
+        assert visible(tmp_path) == {"report.html", "summary.txt", "summary.json"}
 
     def test_has_the_files_of_one_job_whenever_its_writer_is_killed(
         self, api: str, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path

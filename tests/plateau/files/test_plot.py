@@ -53,7 +53,7 @@ def test_no_word_is_cut_and_none_hides_a_point(way: str, pixels: int) -> None:
     stops = {name: min(spp, 100 * len(changed)) for name, spp in STOPS.items()}
     marks = Marks(window=5, stop_slope=0.1, target=0.0002, stops=stops)
     name = "the-scene-that-has-the-longest-name-of-all-the-scenes-of-the-lab"
-    figure = curve_figure(name, "exhausted at 1,400 spp", curve(changed, pixels), marks)
+    figure = curve_figure(name, "reached its cap at 1,400 spp", curve(changed, pixels), marks)
     # Then each word is on the picture as a whole, and no point of the curve is under any
     for text, box in written(figure):
         assert figure.bbox.x0 <= box.x0, text

@@ -59,14 +59,14 @@ def test_the_documented_notebook_shows_what_it_has_shown(execute: Execute, tmp_p
     assert kinds[0] == kinds[1]
     # The live view ends as a line, and the result is the picture, the curve and the words
     live, result = now[0]
-    assert shown(live).startswith("<b>box</b> exhausted at 100 spp · 64×64 · ")
+    assert shown(live).startswith("<b>box</b> reached its cap at 100 spp · 64×64 · ")
     assert "<img" not in shown(live)
     assert shown(result).count("<img ") == shown(result).count("<svg ") == 1
     assert "reached the cap of 100 spp" in shown(result)
     png = base64.b64decode(result["data"]["image/png"])
     assert png.startswith(b"\x89PNG")
     # What is printed of it is the same on every machine
-    assert shown(now[1][0]).splitlines()[0] == "exhausted 100 (64, 64, 3) float32"
+    assert shown(now[1][0]).splitlines()[0] == "reached its cap at 100 spp: (64, 64, 3) float32"
     assert "converged at 50 spp" in shown(now[2][1])
     assert shown(now[3][0]) == shown(before[3][0]) == "['B', 'G', 'R', 'Z']\nbox.exr box.png\n"
     assert (tmp_path / "box.exr").exists()

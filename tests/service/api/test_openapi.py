@@ -367,6 +367,8 @@ class TestTheRequestExamples:
                 given[parameter["in"]][parameter["name"]] = examples_of(parameter)[0]
             if "job_id" in given["path"]:
                 given["path"]["job_id"] = job.id
+            if "job" in given["query"]:
+                given["query"]["job"] = [job.id]
             if "study_id" in given["path"]:
                 given["path"]["study_id"] = study_id
             answer = http.get(

@@ -11,10 +11,10 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau import job_text
 from plateau.farm.images.exr import Pixels, decode_image
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.states import JobState
+from plateau.farm.wire import job_text
 from plateau.farm.wire.views import job_view
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film

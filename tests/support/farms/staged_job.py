@@ -13,6 +13,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
 WIDTH, HEIGHT = 32, 24
+WORKER = "worker-1"
 #: What a slice is where nobody looks into it.
 PARTIAL = b"a slice"
 
@@ -21,7 +22,7 @@ class StagedJob:
     """A job with its worker and its monitor, all played by the test."""
 
     def __init__(self, client: redis.Redis, job_id: str = "", **spec: object) -> None:
-        jobs = Jobs(client)
+        jobs, self._client = Jobs(client), client
         if not job_id:
             created = jobs.create(JobSpec(**spec), name="box.xml", scene_sha256="0" * 64)
             job_id = created.job.id
@@ -31,7 +32,7 @@ class StagedJob:
         owned = self._owners.acquire(self.id)
         assert owned is not None
         self._owned = owned
-        self._queue = SliceQueue(client, "worker-1", lease_s=60)
+        self._queue = SliceQueue(client, WORKER, lease_s=60)
         self._planned = 0
         self._put_back = 0  # slices that were planned, and wait since somebody died on them
 
@@ -44,16 +45,20 @@ class StagedJob:
         """Plan and lease one more slice, and die on it; it is the next that is committed."""
         self.plan()
         self._put_back += 1
-        self._queue.died(self._lease(), cause, 0.2, said)
+        self._queue.died(self._lease(self._queue), cause, 0.2, said)
 
-    def commit(self, slices: int = 1, said: str = "", partial: bytes = PARTIAL) -> None:
+    def commit(
+        self, slices: int = 1, said: str = "", partial: bytes = PARTIAL, worker: str = WORKER
+    ) -> None:
         """Plan, lease and commit so many slices; a test that looks into them puts `slice_blob`."""
         for _ in range(slices):
             if self._put_back:
                 self._put_back -= 1
             else:
                 self.plan()
-            lease = self._lease()
+            own = worker == WORKER
+            queue = self._queue if own else SliceQueue(self._client, worker, lease_s=60)
+            lease = self._lease(queue)
             schedule = self.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
             first_seed, last_seed = schedule.seed_range(lease.index)
             record = SliceRecord(
@@ -63,20 +68,18 @@ class StagedJob:
                 last_seed=last_seed,
                 blob=self.slice_blob(lease.index),
                 sha256=hashlib.sha256(partial).hexdigest(),
-                worker="worker-1",
+                worker=worker,
                 render_s=0.5,
             )
-            answer = self._queue.commit(
-                lease, record, width=WIDTH, height=HEIGHT, notes=(), said=said
-            )
+            answer = queue.commit(lease, record, width=WIDTH, height=HEIGHT, notes=(), said=said)
             assert answer is Committed.COMMITTED
 
     def slice_blob(self, index: int) -> str:
         """Where a slice is, as the ledger says."""
         return blobs.partial(self.id, index, "staged")
 
-    def _lease(self) -> Lease:
-        lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)
+    def _lease(self, queue: SliceQueue) -> Lease:
+        lease = queue.lease(("scalar_rgb",), None, in_turn=False)
         assert lease is not None
         return lease
 

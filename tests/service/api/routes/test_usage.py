@@ -15,10 +15,12 @@ from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger import usage as ledger
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.costs import Price
+from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
@@ -115,6 +117,23 @@ def test_a_price_shows_what_was_spent_and_saved(
     assert job["cost"]["currency"] == "EUR"
     total = httpx.get(f"{priced}/v1/usage").json()["total"]
     assert (total["jobs"], total["cost"]) == (3, pytest.approx(7, abs=1e-4))
+
+
+def test_a_worker_says_what_it_has_cost_and_saved(priced: str, client: redis.Redis) -> None:
+    described = {**about("worker-1"), "core_hours": 0.5}
+    SliceQueue(client, "worker-1", 60).heartbeat(described, ())
+    job = StagedJob(client, max_spp=1000)
+    job.commit(4)
+    job.point(100, 0)
+    job.end()
+    [shown] = httpx.get(f"{priced}/v1/workers").json()["workers"]
+    saved = shown["saved_core_hours"]
+    assert saved > 0
+    assert shown["cost"] == {
+        "amount": 3600.0,
+        "saved": pytest.approx(7200 * saved),
+        "currency": "EUR",
+    }
 
 
 def test_csv_has_the_same_rows(priced: str, jobs: list[StagedJob]) -> None:

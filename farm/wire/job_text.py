@@ -2,9 +2,9 @@
 
 import re
 from datetime import datetime
-from typing import Final
+from typing import Any, Final
 
-from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.model.job import CurvePoint, Job, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import (
@@ -206,7 +206,7 @@ def amount(core_hours: float, money: tuple[float, str] | None = None) -> str:
 
 def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     """A job in a few lines; `waits_for` says which worker it lacks, if any."""
-    rows = [("state", job.state.value), ("reason", job.reason)]
+    rows = [("state", job.outcome), ("reason", job.reason)]
     if waits_for and waits_for != job.reason:  # otherwise the reason says it
         rows.append(("workers", f"it {waits_for}"))
     if job.spec.blocked:
@@ -252,3 +252,14 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("deleted", f"since {job.deleted_at:%Y-%m-%d %H:%M:%S} UTC; {undo}"))
     rows += [("note", note) for note in job.notes]
     return "\n".join(row(name, text) for name, text in rows)
+
+
+def summary_json(job: JobView, points: list[CurvePoint], files: list[str]) -> dict[str, Any]:
+    """The job, its curve, how much it saved and the names of its files, as JSON values."""
+    return {
+        **job.model_dump(mode="json"),
+        "saved_fraction": job.saved_fraction,
+        "wall_s": job.duration_s(utc_now()),
+        "curve": [point.model_dump(mode="json") for point in points],
+        "files": files,
+    }

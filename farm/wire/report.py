@@ -5,7 +5,6 @@ string from a scene or a user is escaped. So it can be kept with the image, mail
 """
 
 import base64
-import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -13,16 +12,12 @@ from pathlib import Path
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
+from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.farm.wire.curve_svg import curve_svg
 
-_STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
-_STYLE_HASH: Final = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
-#: The content-security policy of a served report.
-POLICY: Final = (
-    f"default-src 'none'; img-src data:; style-src 'sha256-{_STYLE_HASH}'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'; sandbox"
-)
+#: The style that a report carries.
+STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
 
 #: Captions by the names of the pictures that a report shows.
 CAPTIONS: Final = {
@@ -52,9 +47,9 @@ def report_html(
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{name}: {job.state.value} at {job.spp:,} spp</title><style>{_STYLE}</style></head><body>
+<title>{name}: {job.outcome} at {job.spp:,} spp</title><style>{STYLE}</style></head><body>
 <h1>{name}</h1>
-<p class="dim">{job.state.value} at {job.spp:,} spp · job {job.id} · Plateau</p>
+<p class="dim">{job.outcome} at {job.spp:,} spp · job {job.id} · Plateau</p>
 <p class="lead">{_sentence(job.reason)}</p>
 {_pictures(pictures)}
 <h2>The curve</h2>{curve_svg(job, points) if points else "<p>It has no point.</p>"}
@@ -64,6 +59,11 @@ def report_html(
 <h2>What was asked</h2><pre>{escape(json.dumps(spec, indent=2))}</pre>
 </body></html>
 """
+
+
+def curve_file(job: Job, points: list[CurvePoint]) -> str:
+    """The drawing of a curve of at least one point as a file of its own."""
+    return curve_svg(job, points, style=STYLE)
 
 
 def _sentence(text: str) -> str:
@@ -169,4 +169,5 @@ def _told(event: Event) -> str:
         code = data.get("exit_code")
         how = "did not end by itself" if code is None else f"ended with exit code {code}"
         return escape(f"the command {data['name']} {how}: {data['words']}")
-    return f"<b>{escape(str(data['to']))}</b>: {escape(str(data['reason']))}"
+    state = JobState(data["to"]).in_words
+    return f"<b>{state}</b>: {escape(str(data['reason']))}"

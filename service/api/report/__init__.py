@@ -1,1 +1,0 @@
-"""A job's report: one self-contained page."""

@@ -1,0 +1,1 @@
+"""All that a job has come to, as files together."""

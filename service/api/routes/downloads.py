@@ -1,0 +1,111 @@
+"""Routes that send all that jobs have come to as one zip."""
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import StreamingResponse
+
+from plateau.farm.model.job import Job
+from plateau.farm.wire import examples
+from plateau.service.api.http.parameters import BatchName
+from plateau.service.api.parts import Farm, Parts
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import documented
+from plateau.service.api.results.job_files import JobFiles
+from plateau.service.api.results.zip_stream import ZipEntry, zipped
+from plateau.service.api.routes.jobs import JobId
+
+router = APIRouter(prefix="/v1", tags=["results"])
+
+_ZIP: Final = "application/zip"
+#: Jobs of one request, which a URL can name.
+_MOST_JOBS: Final = 200
+
+
+class _ZipResponse(StreamingResponse):
+    media_type = _ZIP
+
+
+def _described(*kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {
+        200: {
+            "description": "the zip",
+            "content": {_ZIP: binary},
+            "headers": {
+                name: {"schema": {"type": "string"}}
+                for name in ("Cache-Control", "Content-Disposition")
+            },
+        },
+        **documented(*kinds),
+    }
+
+
+@router.get(
+    "/jobs/{job_id}/results.zip",
+    response_class=_ZipResponse,
+    responses=_described(problems.UNKNOWN_JOB),
+)
+def get_results_zip(job_id: JobId, farm: Farm) -> Response:
+    """Fetch everything that a job has come to as one zip: images, maps, previews, curve, report.
+
+    They have the names that the job's own paths have, and `summary.json` has the job itself. Images
+    and maps are of the same samples. Slices are left out, and so are files that are damaged;
+    `damaged.txt` then names these.
+    """
+    job = farm.job(job_id)
+    return _sent(JobFiles(farm, job).entries(), f"{job.id}-results.zip")
+
+
+@router.get(
+    "/results.zip",
+    response_class=_ZipResponse,
+    responses=_described(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
+)
+def get_results_of_jobs(
+    farm: Farm,
+    job: Annotated[
+        list[str],
+        Query(
+            min_length=1,
+            max_length=_MOST_JOBS,
+            description="the jobs' ids",
+            examples=[[examples.JOB_ID]],
+        ),
+    ],
+) -> Response:
+    """Fetch everything that several jobs have come to as one zip, with a folder for each job."""
+    jobs = [farm.job(job_id) for job_id in job]
+    return _sent(_in_folders(farm, jobs), "results.zip")
+
+
+@router.get(
+    "/batches/{name}/results.zip",
+    response_class=_ZipResponse,
+    responses=_described(problems.UNKNOWN_BATCH),
+)
+def get_results_of_batch(name: BatchName, farm: Farm) -> Response:
+    """Fetch everything that the jobs of a batch have come to as one zip, in a folder for each job.
+
+    The folders' names begin with the jobs' places in the batch.
+    """
+    jobs = map(farm.job, farm.batches.get(name).job_ids)
+    return _sent(_in_folders(farm, jobs), "results.zip")
+
+
+def _in_folders(farm: Parts, jobs: Iterable[Job]) -> Iterator[ZipEntry]:
+    for place, job in enumerate(jobs):
+        yield from JobFiles(farm, job, f"{place:04d}-{job.id}/").entries()
+
+
+def _sent(entries: Iterator[ZipEntry], name: str) -> Response:
+    chunks = zipped(entries)
+    # The first is made before the headers are sent, so that what is away can be said.
+    content = chain([next(chunks)], chunks)
+    headers = {
+        "Cache-Control": "no-store",
+        "Content-Disposition": f'attachment; filename="{name}"',
+    }
+    return _ZipResponse(content, headers=headers)
