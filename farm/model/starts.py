@@ -12,7 +12,7 @@ steered or end sooner than forecast, and where workers come and go.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Final
@@ -97,7 +97,7 @@ def expected_starts(
             continue
         ahead = [one for one in every.values() if one.workers & workers]
         free_s = _free_after_s(ahead, workers, slice_s, turn_s)
-        for one, start in _starts(ahead, workers):
+        for one, start in _starts(ahead, workers, {at: s or turn_s for at, s in free_s.items()}):
             if one.id in wanted:
                 least = free_s[one.priority]
                 found[one.id] = Start(max(start.seconds, least), start.is_bound)
@@ -132,12 +132,19 @@ def _free_after_s(
     return found
 
 
-def _starts(jobs: Sequence[OpenJob], workers: frozenset[str]) -> Iterator[tuple[OpenJob, Start]]:
-    """Each job's start where all workers are equally fast, the first of them at once."""
+def _starts(
+    jobs: Sequence[OpenJob], workers: frozenset[str], turn_s: Mapping[int, float]
+) -> Iterator[tuple[OpenJob, Start]]:
+    """Each job's start where all workers are equally fast, the first of them at once.
+
+    At each priority, a turn of some worker's ends in `turn_s`.
+    """
     begun_s, capped = 0.0, False
     for priority in sorted({one.priority for one in jobs}, reverse=True):
         level = [one for one in jobs if one.priority == priority]
-        started = [(one, begun_s + at) for one, at in _at_one_priority(level, workers)]
+        started = [
+            (one, begun_s + at) for one, at in _at_one_priority(level, workers, turn_s[priority])
+        ]
         started.sort(key=lambda start: start[1])
         bound_from = min((at for one, at in started if one.is_capped), default=None)
         for one, at in started:
@@ -153,7 +160,7 @@ def _share_s(job: OpenJob, workers: frozenset[str]) -> float:
 
 
 def _at_one_priority(
-    jobs: Iterable[OpenJob], workers: frozenset[str]
+    jobs: Iterable[OpenJob], workers: frozenset[str], turn_s: float
 ) -> Iterator[tuple[OpenJob, float]]:
     """Each job and its start in seconds, where none of a higher priority is before it.
 
@@ -175,7 +182,8 @@ def _at_one_priority(
             alone_s = ends_s
         one = next(party, None)
         if one is not None:
-            yield one, now_s
+            has_worker = len(running) < len(workers)
+            yield one, now_s + (0.0 if has_worker else min(turn_s, running[0][0] - alone_s))
             entry += 1
             heappush(running, (alone_s + _share_s(one, workers), entry, party))
 

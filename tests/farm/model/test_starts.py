@@ -33,10 +33,11 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
     ("queue", "asked", "expected"),
     [
         pytest.param([], job("b1"), 0, id="an idle worker takes it at once"),
+        pytest.param([job("c1")], job("b2"), 20, id="and the next one when its turn ends"),
         pytest.param([BUSY], job("b1"), 11, id="one worker: when a turn of the older job ends"),
         pytest.param([BUSY, job("c1")], job("b2"), 200, id="after the two that take turns"),
         pytest.param([BUSY, job("c9")], job("b1"), 11, id="but not after a younger one"),
-        pytest.param([BUSY, job("c9", priority=5)], job("b1"), 100, id="a higher priority first"),
+        pytest.param([BUSY, job("c9", priority=5)], job("b1"), 111, id="a higher priority first"),
         pytest.param([BUSY], job("b1", priority=5), 1, id="at the end of a slice, if it is higher"),
         pytest.param([job("c0", left_s=0.0)], job("b1"), 0, id="not after a job without work"),
         pytest.param([job("c1", workers=frozenset({"x"}))], job("b2"), 0, id="other workers' job"),
@@ -76,7 +77,7 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
         pytest.param(
             [job("c1", workers=TWO, leased=2), job("c2")],
             job("b3"),
-            100,
+            111,
             id="a job of more workers takes its share of this one",
         ),
     ],
@@ -97,8 +98,6 @@ def test_it_is_a_bound_where_the_jobs_before_it_count_to_their_caps() -> None:
     capped, other = replace(BUSY, is_capped=True), job("c1")
     assert expected_start(job("b2"), [capped, other], SLICE_S) == Start(200, is_bound=True)
     assert expected_start(job("b2"), [BUSY, other], SLICE_S) == Start(200, is_bound=False)
-    # The end of a turn is none of a job
-    assert expected_start(job("b1"), [capped], SLICE_S) == Start(11, is_bound=False)
     # A job's own cap, and those of jobs after it, say nothing of its start
     own = job("b1", is_capped=True)
     assert expected_start(own, [job("c2", is_capped=True)], SLICE_S) == Start(0, is_bound=False)

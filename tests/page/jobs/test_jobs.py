@@ -63,8 +63,8 @@ def test_a_queued_job_says_when_it_will_start(
     visitor = visit()
     page = visitor.page
     expect(row(page, first.id)).to_contain_text("starts any moment")
-    # A guess, until slices tell how long they take: a second for each of those to the cap
-    words = "starts in at most about 100 s"
+    # When the first turn of the worker ends
+    words = "starts in at most about 20 s"
     expect(row(page, second.id)).to_contain_text(words)
     page.goto(f"/jobs/{second.id}")
     expect(page.locator(".summary").first).to_contain_text(words)
