@@ -45,7 +45,7 @@ def test_a_file_is_packed_sent_and_its_image_loaded(farm, blend, tmp_path):
     shot = tmp_path / "shots" / "shot.blend"
     before = shot.read_bytes()
     # When it is submitted from the panel
-    settings = {"rule": "fixed", "cap": 400, "job": "tiles"}
+    settings = {"rule": "fixed", "cap": 4000, "job": "tiles"}  # some seconds, for its previews
     found = _session(shot, farm.url, settings=settings)
     # Then the image came while it rendered, and the linear one is loaded and saved beside the file
     assert (found["is_over"], found["is_error"]) == (True, False), found
@@ -60,7 +60,7 @@ def test_a_file_is_packed_sent_and_its_image_loaded(farm, blend, tmp_path):
     assert found["mean"] == pytest.approx((image.mean() * 3 + alpha) / 4, rel=1e-3)
     # And the farm has the job with its texture: the floor is green
     (job,) = farm.client.jobs().jobs
-    assert (job.name, job.spp, job.variant) == ("tiles", 400, "cycles:cpu")
+    assert (job.name, job.spp, job.variant) == ("tiles", 4000, "cycles:cpu")
     assert np.array_equal(image, farm.image(job))
     red, green, _ = image[-1, 32]
     assert green > 2 * red
