@@ -128,7 +128,7 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
-    # It would start at once; a further one comes after it, which counts to its cap
+    # It would start at once, and a further one when the turn of this one ends
     until(lambda: start(made.json()["id"]) == (0.0, False, None))
     seconds, is_bound, unknown = start(submitted(http, asked["spec"])["id"])
     assert (seconds, is_bound, unknown) == (20.0, True, None)
