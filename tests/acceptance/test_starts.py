@@ -1,5 +1,10 @@
 """When a queued job is expected to start."""
 
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
 from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until
 
@@ -13,6 +18,13 @@ SHORT = {
 }
 #: Of 2,000 slices, so that it renders for as long as the test looks at it.
 LONG = {**SHORT, "max_spp": 100_000, "rule": {"name": "fixed", "spp": 100_000}}
+
+
+@pytest.fixture
+def farm(tmp_path: Path, cache: Path) -> Iterator[RealFarm]:
+    """A farm to itself: workers that others killed a moment ago would count as free ones."""
+    with RealFarm(tmp_path, cache) as farm:
+        yield farm
 
 
 def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFarm) -> None:

@@ -179,10 +179,13 @@ def _main(victims: dict[str, str], user: int, *, confined: bool) -> None:
         os.setgid(user)
         os.setuid(user)
         _call("prctl", _PR_SET_DUMPABLE, 1, 0, 0, 0)  # as a program that this user has started
+    answers = os.dup(1)
+    os.dup2(os.open(Path(victims["scene"]) / "scene.xml", os.O_RDONLY), 1)  # the neighbour's
     neighbour = os.fork()
     if not neighbour:
-        os.dup2(os.open(Path(victims["scene"]) / "scene.xml", os.O_RDONLY), 1)
+        os.close(answers)
         os._exit(len(os.read(0, 1)))  # when the test has seen all
+    os.dup2(answers, 1)
     if confined:
         scenes = Path(victims["scene"]).parents[1]
         confine(scenes=[scenes], kernels=Path.home() / ".drjit")
