@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 import bpy
 import numpy as np
 
-from plateau.farm.images.exr import encode_image
+from plateau.farm.images.exr import decode_layers, encode_image
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.contract import Load
 from plateau.worker.renderers.cycles.renderer import Renderer
@@ -131,9 +131,9 @@ def alone(blend: str, exr: str) -> None:
     cycles.use_denoising = one.layer.cycles.use_denoising = True
     one.layer.cycles.pass_debug_sample_count = True
     before = _processor_s()
-    found = renderer._written(one, 0, one.height, _MOST_SPP, 0)
+    written = renderer._written(one, 0, one.height, _MOST_SPP, 0)
     took_s = _processor_s() - before
-    layer = one.layer.name
+    layer, found = one.layer.name, decode_layers(written)
     image = np.stack([found[f"{layer}.Combined.{letter}"] for letter in "RGB"], axis=-1)
     Path(exr).write_bytes(encode_image(image.astype(np.float32)))
     share = float(found[f"{layer}.Debug Sample Count.X"].mean())

@@ -4,6 +4,7 @@ A film is (height, width, channels). Its first channels are R, G, B and W: the s
 which the reconstruction filter weights each sample, and the sums of the weights. A film with alpha
 has A next, and AOVs follow; they are weighted sums as well. Ids (numbers of shapes and primitives)
 are not: a pixel has the value of its first sample, and a sum of films has the values of its first.
+Nor are Cryptomattes, see `plateau.farm.images.mattes`.
 
 Blender divides direct and indirect light by the colour of the surface. A mean of quotients is not
 the quotient of the means, so a film has the light, and an image what Blender would have written.
@@ -18,6 +19,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+
+from plateau.farm.images.mattes import joined, mattes, ranked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,6 +112,16 @@ class Channels:
         return tuple(self.names[self.judged :])
 
     @property
+    def exact(self) -> tuple[str, ...]:
+        """The channels whose values are no amounts, so that all their bits count."""
+        of_mattes = (self.names[plane] for matte in self._mattes for plane in matte)
+        return (*self.ids, *of_mattes)
+
+    @property
+    def _mattes(self) -> tuple[tuple[int, ...], ...]:
+        return mattes(tuple(self.names))
+
+    @property
     def judged(self) -> int:
         """The number of leading channels that are judged: R, G, B, W and, if the film has it, A."""
         return _ALPHA + self.has_alpha
@@ -132,13 +145,11 @@ class Channels:
         with _infinities():
             if total is None:
                 return np.add(0.0, film, dtype=np.float64)
-            if not self.ids:
-                return np.add(total, film, out=total)
-            planes = [self.names.index(name) for name in self.ids]
-            first = total[..., planes]
+            unsummed = self._unsummed(total, film, self)
             np.add(total, film, out=total)
-            total[..., planes] = first
-            return total
+        for planes, values in unsummed:
+            total[..., planes] = values
+        return total
 
     def add_part(
         self, total: NDArray[np.float64], film: NDArray[np.float32], part: Channels
@@ -156,31 +167,45 @@ class Channels:
         """
         if part == self:
             return self.add(total, film)
-        ids = {name: total[..., self.names.index(name)].copy() for name in self.ids}
+        unsummed = self._unsummed(total, film, part)
         weights = film[..., _WEIGHT].astype(np.float64)
         with _infinities():
             growth = np.zeros_like(weights)
             np.divide(weights, total[..., _WEIGHT], out=growth, where=total[..., _WEIGHT] != 0)
             growth += 1
-            for planes, theirs in _runs(self.names, part.names):
+            for ours, theirs in _runs(self.names, part.names):
                 if theirs is None:
-                    total[..., planes] *= growth[..., np.newaxis]
+                    total[..., ours] *= growth[..., np.newaxis]
                 else:
-                    total[..., planes] += film[..., theirs]
-        for name, first in ids.items():
-            total[..., self.names.index(name)] = first
+                    total[..., ours] += film[..., theirs]
+        for planes, values in unsummed:
+            total[..., planes] = values
         return total
+
+    def _unsummed(
+        self, total: NDArray[np.float64], film: NDArray[np.float32], part: Channels
+    ) -> list[tuple[list[int], NDArray[np.float64]]]:
+        """Return planes that are no sums, with their values once a film of some is added."""
+        ids = [self.names.index(name) for name in self.ids]
+        found = [(ids, total[..., ids])] if ids else []
+        for matte in self._mattes:
+            planes = list(matte)
+            theirs = [part.names.index(self.names[plane]) for plane in planes]
+            found.append((planes, joined(total[..., planes], film[..., theirs])))
+        return found
 
     def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
         """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
         Sums are divided by W, and Blender's light passes by the sums of their colour. They are 0
-        where that is 0, as where no sample has reached the pixel. Ids are not divided.
+        where that is 0, as where no sample has reached the pixel. Ids are not divided, and the
+        pairs of a matte are ranked.
         """
+        total, ids = self._ranked(total)
         reached = _reached(total)
         image = {}
         for plane, name in enumerate(self.names):
-            if name in self.ids:
+            if plane in ids:
                 image[name] = total[..., plane].astype(np.float32)
             elif plane != _WEIGHT:
                 image[name] = np.zeros(total.shape[:2], np.float32)
@@ -191,6 +216,17 @@ class Channels:
                 else:
                     _divide(total, plane, reached, image[name])
         return image
+
+    def _ranked(self, total: NDArray[np.float64]) -> tuple[NDArray[np.float64], set[int]]:
+        """Return a sum with the pairs of its mattes ranked, and the planes of all ids."""
+        ids = {self.names.index(name) for name in self.ids}
+        if self._mattes:
+            total = total.copy()
+        for matte in self._mattes:
+            planes = list(matte)
+            total[..., planes] = ranked(total[..., planes])
+            ids.update(planes[::2])
+        return total, ids
 
     def seen_in(
         self, total: NDArray[np.float64], background: Colour = BLACK

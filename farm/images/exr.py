@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
 from plateau.farm.images.look import Look
+from plateau.farm.images.mattes import attributes_of
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.slices.zones import Zone
 
@@ -63,7 +64,8 @@ class Partial:
     `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
     `renderer` is the renderer's name and version; older partials have "" there. The first slice of
-    a job whose scene has a view transform has it as `look`.
+    a job whose scene has a view transform has it as `look`, and what an image's header is to say of
+    its Cryptomattes as `mattes`.
     """
 
     job_id: str
@@ -79,6 +81,7 @@ class Partial:
     border: int = 0
     renderer: str = ""
     look: Look | None = None
+    mattes: Attributes = field(default_factory=dict)
 
 
 def encode_partial(partial: Partial) -> bytes:
@@ -100,6 +103,7 @@ def encode_partial(partial: Partial) -> bytes:
         attributes[_RENDERER] = partial.renderer
     if partial.look is not None:
         attributes[_LOOK] = partial.look.as_text()
+    attributes |= partial.mattes
     pixels = partial.pixels
     if partial.zones:
         attributes |= {_ZONES: json.dumps(partial.zones), _BORDER: partial.border}
@@ -143,6 +147,7 @@ def decode_partial(content: bytes) -> Partial:
         zones=zones,
         border=border,
         look=look,
+        mattes=attributes_of(header),
         renderer=str(header.get(_RENDERER, "")),
     )
 
@@ -219,6 +224,12 @@ def decode_layers(content: bytes) -> dict[str, Pixels]:
             for part in file.parts
             for name, one in part.channels.items()
         }
+
+
+def decode_header(content: bytes) -> dict[str, Any]:
+    """Return the attributes of an EXR file's first part by name; raises as `decode_layers`."""
+    with _opened(content) as file:
+        return dict(file.header())
 
 
 def decode_image(content: bytes, layer: str | None = None) -> Pixels:

@@ -42,6 +42,7 @@ class Merge:
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
     look: Look | None = None  #: the view transform of the scene
+    mattes: Mapping[str, str] = field(default_factory=dict)  #: the header of the image on them
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -141,7 +142,7 @@ class Merge:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
         if not self.slices:
-            self.look = partial.look
+            self.look, self.mattes = partial.look, partial.mattes
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -290,6 +291,7 @@ class Merge:
             "channels": self.channels.names,
             "ids": self.channels.ids,
             "origin": self.origin,
+            "mattes": self.mattes,
             **({} if self.look is None else {"look_gain": self.look.gain}),
             **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
@@ -301,6 +303,7 @@ class Merge:
         if "channels" in about:
             self.channels = Channels(about["channels"], about["ids"])
             self.origin = about["origin"]
+            self.mattes = about.get("mattes", {})
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")

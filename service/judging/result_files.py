@@ -85,10 +85,10 @@ def result_files(
     files = {
         "image.exr": encode_layers(
             layers if spp_map is None else {**layers, "spp": spp_map},
-            exr_header(facts),
+            {**exr_header(facts), **merge.mattes},
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
-            whole=("Z", "spp", *merge.channels.ids),
+            whole=("Z", "spp", *merge.channels.exact),
         ),
         "image.png": encode_png(picture, texts=png_texts(facts)),
         "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),

@@ -143,6 +143,7 @@ def passes() -> None:
         for setting in dir(of):
             if setting.startswith(("use_pass", "pass_", "denoising_store")):
                 setattr(of, setting, True)
+    layer.pass_cryptomatte_depth = 6
 
 
 def light_alone() -> None:

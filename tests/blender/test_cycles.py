@@ -1,5 +1,6 @@
 """Cycles in a real render child: pure passes, one sequence for each half, and what is refused."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -152,13 +153,16 @@ def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
         *(f"{of} Indirect" for of in ("Diffuse", "Glossy", "Transmission", "Volume")),
         *("Emission", "Environment", "Ambient Occlusion", "mine", "Combined_key"),
         *("Denoising Albedo", "Denoising Normal", "Denoising Depth"),
+        *(f"Crypto{of}{rank:02}" for of in ("Object", "Material", "Asset") for rank in range(3)),
     }
     (left_out,) = (note for note in scene.notes if "Passes left out" in note)
-    assert all(name in left_out for name in ("Cryptomatte Object", "Shadow Catcher", "Render Time"))
+    assert all(name in left_out for name in ("Shadow Catcher", "Render Time"))
     # Two stretches are the whole, in every channel, and ids are those of the first sample
     whole, first, second = (child.film(one) for one in ((32, 0), (16, 0), (16, 16)))
     total = channels.add(channels.add(None, first), second)
     for plane, name in enumerate(channels.names):
+        if name in set(channels.exact) - set(channels.ids):
+            continue  # of a Cryptomatte
         of_whole = whole[..., plane]
         assert np.isfinite(of_whole).all(), name
         # A mean that is weighted by more than the samples is off where these weights vary
@@ -182,6 +186,44 @@ def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
     lamp = of("Combined_key")
     assert (lamp <= colour + 1e-5).all()
     assert lamp.mean() > 0.3 * colour.mean()
+
+
+def test_the_cryptomatte_of_slices_is_that_of_the_whole(child, blend):
+    scene = child.load(blend("passes"))
+    channels = Channels(scene.channels, scene.ids)
+    whole, first, second = (child.film(one) for one in ((32, 0), (16, 0), (16, 16)))
+    at_once, of_slices = (
+        _shares(channels.normalised(total))
+        for total in (
+            channels.add(None, whole),
+            channels.add(channels.add(None, first), second),
+        )
+    )
+    assert at_once.keys() == of_slices.keys()
+    for one, share in at_once.items():
+        np.testing.assert_allclose(of_slices[one], share, atol=1e-6)
+    # And the header names the objects
+    names = scene.mattes
+    (key,) = (name for name, value in names.items() if value == "K_che.CryptoObject")
+    ids = json.loads(names[key.replace("/name", "/manifest")])
+    for name in ("shining", "glass", "glowing"):
+        assert at_once[ids[name]].max() == pytest.approx(1)
+        edge = (at_once[ids[name]] > 0) & (at_once[ids[name]] < 1)
+        assert edge.any()
+
+
+def _shares(image: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The share of each object in each pixel, by the hexadecimal digits of its id."""
+    found: dict[str, np.ndarray] = {}
+    for rank in range(3):
+        for ids, of in ("rg", "ba"):
+            layer = f"K_che.CryptoObject{rank:02}"
+            names = image[f"{layer}.{ids}"].view(np.uint32)
+            share = image[f"{layer}.{of}"]
+            for one in np.unique(names[share > 0]):
+                none = np.zeros(share.shape)
+                found[f"{one:08x}"] = found.get(f"{one:08x}", none) + share * (names == one)
+    return found
 
 
 def test_light_comes_with_the_colour_by_which_it_is_divided(child, blend):

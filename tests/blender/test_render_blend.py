@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from plateau.farm.images.exr import decode_image, decode_layers
+from plateau.farm.images.exr import decode_header, decode_image, decode_layers
 from tests.blender.conftest import MAKER
 from tests.support.processes.commands import Command
 
@@ -43,8 +43,14 @@ def test_the_image_does_not_depend_on_the_workers(blend, tmp_path):
 def test_passes_of_many_slices_make_up_the_image(blend, tmp_path):
     out = tmp_path / "out"
     found = _rendered(blend("passes"), out, *("--workers", "2", "--spp", "100", "--aov", "depth"))
-    assert any("Cryptomatte Object" in note for note in found["notes"])
-    image = decode_layers((out / "image.exr").read_bytes())
+    assert any("Shadow Catcher" in note for note in found["notes"])
+    content = (out / "image.exr").read_bytes()
+    image, header = decode_layers(content), decode_header(content)
+    # Compositors find its Cryptomattes, by the specification's names
+    named = {value for name, value in header.items() if name.endswith("/name")}
+    assert named >= {"K_che.CryptoObject", "K_che.CryptoMaterial", "K_che.CryptoAsset"}
+    assert any("glowing" in json.loads(v) for n, v in header.items() if n.endswith("/manifest"))
+    assert image["K_che.CryptoObject00.g"].max() == 1
     made = image["K_che.Emission.R"] + image["K_che.Environment.R"]
     made = made + image["K_che.Volume Direct.R"] + image["K_che.Volume Indirect.R"]
     for kind in ("Diffuse", "Glossy", "Transmission"):

@@ -33,7 +33,7 @@ package ``plateau.worker.renderers.NAME`` whose module ``renderer`` has such a c
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
@@ -142,12 +142,14 @@ class Loaded:
         `plateau.farm.model.aovs.AOVS`, and those that the scene itself has.
     ids : tuple of str
         The channels that must not be averaged, such as the numbers of things. There, a film has the
-        value of the pixel's first sample, and not a sum.
+        value of the pixel's first sample, and not a sum. Cryptomattes are known by their names.
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
     look : str
         The scene's view transform, as `plateau.farm.images.look.Look.as_text` has it; "" where the
         image is seen as it is.
+    mattes : mapping of str to str
+        What the header of an image is to say of its Cryptomattes, see `plateau.farm.images.mattes`.
     """
 
     kind: ClassVar = "loaded"
@@ -158,6 +160,7 @@ class Loaded:
     ids: tuple[str, ...] = ()
     border: int = 0
     look: str = ""
+    mattes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

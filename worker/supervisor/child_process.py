@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.look import Look
+from plateau.farm.images.mattes import check_attributes
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.slices.zones import Zone, pixels_of
@@ -155,6 +156,7 @@ class RenderChild:
             channels.check_size(scene.width, scene.height)
             if scene.look:
                 Look.from_text(scene.look)
+            check_attributes(scene.mattes)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error

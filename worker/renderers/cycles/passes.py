@@ -1,6 +1,6 @@
 """The passes of a Blender view layer, as channels of a film.
 
-Cycles gives the passes of a stretch of samples in one of three ways, as was measured:
+Cycles gives the passes of a stretch of samples in one of four ways, as was measured:
 
 - **Means** over the samples: they are added up as colour is.
 - **The first sample's**: depth, position and the numbers of objects and materials. Cycles writes
@@ -8,18 +8,21 @@ Cycles gives the passes of a stretch of samples in one of three ways, as was mea
   keep the values of the first slice, so these are ids.
 - **Quotients**: direct and indirect light is divided by the colour of the surface. Quotients do not
   add up, so a film has the light itself, and `plateau.farm.images.channels` divides the sums.
+- **Cryptomattes**: ids and the shares of the samples that have met them. A film has the samples.
 
 Part of the render child.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from plateau.farm.images.channels import surface_colour
+from plateau.farm.images.mattes import attributes_of
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.worker.renderers.contract import check_aovs
 
@@ -47,14 +50,9 @@ _MEANS: Final = (
     *("Denoising Albedo", "Denoising Normal", "Denoising Depth"),
 )
 _OF_A_DENOISER: Final = ("Denoising Albedo", "Denoising Normal", "Denoising Depth")
-#: Passes that are no means over samples, by the setting of a view layer that asks for them ...
+_MATTE: Final = re.compile(r"Crypto(?:Object|Material|Asset)\d\d")
+#: Passes that are no means over samples, by the setting of Cycles' that asks for them.
 _LEFT_OUT: Final = {
-    "use_pass_cryptomatte_object": "Cryptomatte Object",
-    "use_pass_cryptomatte_material": "Cryptomatte Material",
-    "use_pass_cryptomatte_asset": "Cryptomatte Asset",
-}
-#: ... or one that Cycles adds to it.
-_LEFT_OUT_OF_CYCLES: Final = {
     "use_pass_shadow_catcher": "Shadow Catcher",
     "use_pass_volume_scatter": "Volume Scatter",
     "use_pass_volume_transmit": "Volume Transmit",
@@ -112,7 +110,8 @@ class Passes:
         known = {*_MEANS, *_OF_FIRST_SAMPLE, *self.groups}
         own, unknown = [], dict[str, None]()
         for channel in written:
-            if (name := self._pass_of(channel)) in known - self.helpers:
+            name = self._pass_of(channel)
+            if name in known - self.helpers or _MATTE.fullmatch(name):
                 own.append(channel)
             elif name not in {_COLOUR, _COLOUR_AGAIN, *self.helpers}:
                 unknown[name] = None
@@ -151,7 +150,7 @@ class Passes:
             values = self._made(name, found)
             yield from values if name in _AOVS_OF_FIRST_SAMPLE else values * spp
         for channel in self.own:
-            if self._is_of_first_sample(channel):
+            if self._is_of_first_sample(channel) or self._is_id_of_matte(channel):
                 yield found[channel]
             elif (colour := surface_colour(channel)) is not None:
                 yield found[channel] * found[colour] * spp
@@ -184,6 +183,9 @@ class Passes:
 
     def _pass_of(self, channel: str) -> str:
         return channel.removeprefix(f"{self.layer}.").rpartition(".")[0]
+
+    def _is_id_of_matte(self, channel: str) -> bool:
+        return bool(_MATTE.fullmatch(self._pass_of(channel))) and channel[-1] in "rb"
 
     def _is_of_first_sample(self, channel: str) -> bool:
         return self._pass_of(channel) in _OF_FIRST_SAMPLE
@@ -235,14 +237,19 @@ def stored_name(channel: str) -> str:
     return "".join(one if one.isascii() and one.isprintable() else "_" for one in channel)
 
 
+def matte_attributes(header: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a file of Blender's says of its Cryptomattes, by the names that a film has."""
+    return {
+        name: stored_name(value) if name.endswith("/name") else value
+        for name, value in attributes_of(header).items()
+    }
+
+
 def _leave_out(layer: Any) -> list[str]:
-    had = []
-    for of, settings in ((layer, _LEFT_OUT), (layer.cycles, _LEFT_OUT_OF_CYCLES)):
-        for setting, named in settings.items():
-            if getattr(of, setting):
-                had.append(named)
-                setattr(of, setting, False)
-    return [left_out(had)] if had else []
+    had = {setting: name for setting, name in _LEFT_OUT.items() if getattr(layer.cycles, setting)}
+    for setting in had:
+        setattr(layer.cycles, setting, False)
+    return [left_out(had.values())] if had else []
 
 
 def _helpers(layer: Any, asked: Collection[AovName]) -> set[str]:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plateau.farm.images.exr import decode_layers
+from plateau.farm.images.exr import decode_header, decode_layers
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.canary import Canary, known_sphere
 from plateau.worker.renderers.contract import CHANNELS, Loaded, SceneError
 from plateau.worker.renderers.cycles import devices, known_scene
 from plateau.worker.renderers.cycles.blender import blender, bpy
-from plateau.worker.renderers.cycles.passes import ask_for, left_out
+from plateau.worker.renderers.cycles.passes import ask_for, left_out, matte_attributes
 from plateau.worker.renderers.cycles.scene_prep import open_scene, prepare
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Renderer:
             began = time.monotonic()
             written = self._written(one, 0, 1, 1, 0)
             self._overhead_s = time.monotonic() - began
-        passes, unknown = wanted.among(written)
+        passes, unknown = wanted.among(decode_layers(written))
         self._one, self._passes = one, passes
         return Loaded(
             width=one.width,
@@ -114,6 +114,7 @@ class Renderer:
             ids=passes.ids,
             notes=(*one.notes, *notes, *([left_out(unknown)] if unknown else [])),
             look="" if one.look is None else one.look.as_text(),
+            mattes=matte_attributes(decode_header(written)),
         )
 
     def _next_rows(self, one: PreparedScene, top: int, spp: int) -> int:
@@ -137,12 +138,11 @@ class Renderer:
         self, one: PreparedScene, top: int, rows: int, spp: int, seed: int
     ) -> NDArray[np.float32]:
         """Return these rows of the film of a pass."""
-        return self._film(one, self._written(one, top, rows, spp, seed), (rows, one.width), spp)
+        found = decode_layers(self._written(one, top, rows, spp, seed))
+        return self._film(one, found, (rows, one.width), spp)
 
-    def _written(
-        self, one: PreparedScene, top: int, rows: int, spp: int, seed: int
-    ) -> dict[str, Any]:
-        """Return what Blender writes of these rows of a pass: means of samples, by channel."""
+    def _written(self, one: PreparedScene, top: int, rows: int, spp: int, seed: int) -> bytes:
+        """Return the EXR file that Blender writes of these rows of a pass, of means of samples."""
         render, cycles = one.scene.render, one.scene.cycles
         cycles.seed, cycles.sample_offset = divmod(seed, SEQUENCE_SAMPLES)
         cycles.sample_subset_length = spp
@@ -155,8 +155,7 @@ class Renderer:
         with blender():
             # Of another scene of the file, if that is the one of the window.
             bpy.ops.render.render(write_still=True, scene=one.scene.name, layer=one.layer.name)
-        content = os.pread(self._file, os.fstat(self._file).st_size, 0)
-        return decode_layers(content)
+        return os.pread(self._file, os.fstat(self._file).st_size, 0)
 
     def _film(
         self, one: PreparedScene, found: dict[str, Any], shape: tuple[int, int], spp: int
