@@ -302,15 +302,15 @@ def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
     try:
         match last_step(owners.state(owned.job_id), reason):
             case steps.AbandonJob():
-                _LOG.error("Redis has lost the job, so the monitor gives it up")
                 owners.abandon(owned)
+                _LOG.error("Redis has lost the job, so the monitor gives it up")
             case steps.FinishJob(keeps_sums):
                 owners.finish(owned, keeps_sums=keeps_sums)
             case steps.EndJob(state, reason):
                 owners.end(owned, state, reason)
                 return False
-    except FenceLost:
-        pass
+    except FenceLost as lost:  # as that of a job that was deleted meanwhile
+        _LOG.warning("%s", lost)
     except IllegalTransition as refused:
         _LOG.info("%s", refused)  # it has just been cancelled
         return False

@@ -18,7 +18,13 @@ from plateau.farm.ledger.members import process_id, sign_on
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork
-from plateau.farm.model.errors import BlobsUnavailable, FenceLost, Incompatible, StoreUnavailable
+from plateau.farm.model.errors import (
+    BlobsUnavailable,
+    FenceLost,
+    Incompatible,
+    JobNotFound,
+    StoreUnavailable,
+)
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
@@ -250,6 +256,8 @@ class Monitor:
             return True
         except (Incompatible, StoreUnavailable):
             raise
+        except JobNotFound as gone:
+            return give_up(owned, self._owners, str(gone))
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job cannot continue")
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")
