@@ -82,14 +82,8 @@ class Soak:
 
     def look(self, minute: float) -> None:
         """Take a sample of what the farm's processes hold."""
-        render_child = next(
-            (
-                child
-                for child in self._spared["worker"].children()
-                if "plateau.worker.child" in child.cmdline()
-            ),
-            None,
-        )
+        children = self._spared["worker"].children()
+        render_child = next(filter(_is_render_child, children), None)
         server = psutil.Process(self.farm.redis.process.pid)
         roles = {**self._spared, "render child": render_child, "Redis": server}
         self.watch.look(minute, roles)
@@ -126,6 +120,13 @@ class Soak:
     def _delete(self, order: Order) -> None:
         for job in order.jobs:
             self.farm.client.delete(job)
+
+
+def _is_render_child(process: psutil.Process) -> bool:
+    try:
+        return "plateau.worker.child" in process.cmdline()
+    except psutil.NoSuchProcess:  # it has just been struck
+        return False
 
 
 def leaks(client: redis.Redis, store: Blobs, temporary: Path) -> list[str]:
