@@ -31,6 +31,18 @@ _ATTRIBUTE: Final = re.compile(r"cryptomatte/[0-9a-f]{1,7}/(?:name|hash|conversi
 _MOST_SAID: Final = 2**23  #: characters of all attributes together
 
 
+def letter_of(channel: str) -> str:
+    """Return which channel of a matte's layer it is: r or b, an id, g or a, samples; else "".
+
+    Examples
+    --------
+    >>> letter_of("ViewLayer.CryptoObject00.b"), letter_of("ViewLayer.Depth.Z")
+    ('b', '')
+    """
+    matte = _CHANNEL.fullmatch(channel)
+    return matte[3] if matte else ""
+
+
 @lru_cache
 def mattes(names: tuple[str, ...]) -> tuple[tuple[int, ...], ...]:
     """Return the places of each matte's channels: of an id, of its samples, and so on, by rank.

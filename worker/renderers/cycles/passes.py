@@ -15,14 +15,13 @@ Part of the render child.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from plateau.farm.images.channels import surface_colour
-from plateau.farm.images.mattes import attributes_of
+from plateau.farm.images.mattes import attributes_of, letter_of
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.worker.renderers.contract import check_aovs
 
@@ -50,7 +49,6 @@ _MEANS: Final = (
     *("Denoising Albedo", "Denoising Normal", "Denoising Depth"),
 )
 _OF_A_DENOISER: Final = ("Denoising Albedo", "Denoising Normal", "Denoising Depth")
-_MATTE: Final = re.compile(r"Crypto(?:Object|Material|Asset)\d\d")
 #: Passes that are no means over samples, by the setting of Cycles' that asks for them.
 _LEFT_OUT: Final = {
     "use_pass_shadow_catcher": "Shadow Catcher",
@@ -111,7 +109,7 @@ class Passes:
         own, unknown = [], dict[str, None]()
         for channel in written:
             name = self._pass_of(channel)
-            if name in known - self.helpers or _MATTE.fullmatch(name):
+            if name in known - self.helpers or letter_of(channel):
                 own.append(channel)
             elif name not in {_COLOUR, _COLOUR_AGAIN, *self.helpers}:
                 unknown[name] = None
@@ -150,7 +148,7 @@ class Passes:
             values = self._made(name, found)
             yield from values if name in _AOVS_OF_FIRST_SAMPLE else values * spp
         for channel in self.own:
-            if self._is_of_first_sample(channel) or self._is_id_of_matte(channel):
+            if self._is_of_first_sample(channel) or letter_of(channel) in {"r", "b"}:
                 yield found[channel]
             elif (colour := surface_colour(channel)) is not None:
                 yield found[channel] * found[colour] * spp
@@ -183,9 +181,6 @@ class Passes:
 
     def _pass_of(self, channel: str) -> str:
         return channel.removeprefix(f"{self.layer}.").rpartition(".")[0]
-
-    def _is_id_of_matte(self, channel: str) -> bool:
-        return bool(_MATTE.fullmatch(self._pass_of(channel))) and channel[-1] in "rb"
 
     def _is_of_first_sample(self, channel: str) -> bool:
         return self._pass_of(channel) in _OF_FIRST_SAMPLE
