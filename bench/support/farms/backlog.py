@@ -18,6 +18,8 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.redis import keys
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from bench.support.farms.scale_farm import ControlPlane
 
 _VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
@@ -51,7 +53,7 @@ def merged_backlog(farm: ControlPlane, *, jobs: int, slices: int, size: int) -> 
         )
     farm.wait(lambda: all(farm.planned(job_id) >= slices for job_id in made))
     farm.signal_monitors(signal.SIGSTOP)
-    _commit(farm, jobs * slices, size)
+    _commit(farm, made, slices, size)
 
     def merged() -> float:
         pipe = farm.client.pipeline(transaction=False)
@@ -72,15 +74,17 @@ def merged_backlog(farm: ControlPlane, *, jobs: int, slices: int, size: int) -> 
     )
 
 
-def _commit(farm: ControlPlane, slices: int, size: int) -> None:
+def _commit(farm: ControlPlane, jobs: Sequence[str], slices: int, size: int) -> None:
+    """Commit so many slices of each job, in turns."""
     content = made_up_partial(width=size, height=size, spp=SPEC.slice_spp, variant=_VARIANTS[0])
     sha256, store, numbers = hashlib.sha256(content).hexdigest(), Blobs(farm.blobs), count()
 
     def commit(worker: str) -> None:
         queue = SliceQueue(farm.client, worker, _LEASE_S)
-        while next(numbers) < slices:
-            lease = queue.lease(_VARIANTS, None, in_turn=False)
-            if lease is None:
+        while (number := next(numbers)) < len(jobs) * slices:
+            job_id = jobs[number % len(jobs)]
+            lease = queue.lease(_VARIANTS, job_id, in_turn=True)
+            if lease is None or lease.job_id != job_id:
                 raise AssertionError("fewer slices are planned than are to be committed")
             name = blobs.partial(lease.job_id, lease.index, worker)
             store.put(name, content)
