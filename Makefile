@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults test-cluster test-blender soak check bench screenshots manual setup clean
+.PHONY: demo test test-long test-faults test-cluster test-blender test-blender-program soak check bench screenshots manual setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -37,7 +37,10 @@ soak: setup  ## A farm in use and under faults for two hours: nothing lost, noth
 
 test-blender: setup  ## Blender's Cycles, in .venv-blender (2 GB, of which 400 MB are fetched; Python 3.11)
 	bash tests/blender/install.sh
-	.venv-blender/bin/python -m pytest tests/blender --durations 10
+	.venv-blender/bin/python -m pytest tests/blender --ignore tests/blender/test_program.py --durations 10
+
+test-blender-program: setup  ## The same by a `blender` program, on a Debian in .blender-program (2 GB; root on Debian)
+	bash tests/blender/with_program.sh python -m pytest tests/blender --durations 10
 
 check: export DENO_NO_UPDATE_CHECK = 1
 check: setup  ## Style, types and the import law: what CI runs before the tests
@@ -64,4 +67,4 @@ manual: setup  ## Write docs/cli.md and the man page from the help of the comman
 	$(BIN)/python -m tests.rule_files
 
 clean:  ## Remove .venv and caches
-	rm -rf .venv .venv-blender .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo
+	rm -rf .venv .venv-blender .blender-program .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

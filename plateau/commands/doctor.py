@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -22,11 +21,12 @@ from plateau.farm.redis.url import without_password
 from plateau.processes.read_settings import farm_settings
 from plateau.service.monitor.denoising import oidn
 from plateau.worker.confinement.confine import try_here
+from plateau.worker.renderers.program import command, release
 from plateau.worker.supervisor.variants import (
     BLENDER_MISSING,
     VariantChoice,
     choose,
-    is_installed,
+    is_here,
     probe,
 )
 
@@ -133,16 +133,19 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
 
 
 def _blender() -> Iterator[Check]:
-    if not is_installed(_CYCLES):
+    if not is_here(_CYCLES):
         yield Check(_CYCLES, BLENDER_MISSING, ok=False)
         return
     tried = probe(_CYCLES, None)
-    yield Check(_CYCLES, f"Blender {version('bpy')}; {tried.detail}", ok=tried.ok)
+    yield Check(_CYCLES, f"Blender {release(_CYCLES)}; {tried.detail}", ok=tried.ok)
     name = "Cycles on GPUs"
     try:
-        command = [sys.executable, "-s", "-m", "plateau.worker.renderers.cycles.devices"]
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=_DEVICES_S, check=True
+            command(_CYCLES, "plateau.worker.renderers.cycles.devices"),
+            capture_output=True,
+            text=True,
+            timeout=_DEVICES_S,
+            check=True,
         )
         found = json.loads(done.stdout.splitlines()[-1])
     except (OSError, subprocess.SubprocessError, ValueError, IndexError) as error:

@@ -16,7 +16,7 @@ from plateau.processes.data_folder import DataFolder, is_in_use
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
-from plateau.worker.supervisor.variants import BLENDER_MISSING, choose, is_installed
+from plateau.worker.supervisor.variants import BLENDER_MISSING, choose, is_here
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -124,15 +124,16 @@ def _check_variant(variant: str, cache: Path) -> None:
     """
     if variant == "auto":
         return
-    if not is_installed(variant):
+    if not is_here(variant):
         raise CommandFailed(f"this machine cannot render with {variant}: {BLENDER_MISSING}")
     choice = choose(cache)
     if variant in choice.variants:
         return
     tried = [one.detail for one in choice.tried if one.variant == variant]
+    others = ", ".join(choice.like(variant))
     raise CommandFailed(
-        f"this machine cannot render with {variant}{f' ({tried[0]})' if tried else ''}; it can "
-        f"with {', '.join(choice.like(variant))}: leave --variant out, or see `plateau doctor`"
+        f"this machine cannot render with {variant}{f' ({tried[0]})' if tried else ''}; "
+        f"{f'it can with {others}: leave --variant out, or ' if others else ''}see `plateau doctor`"
     )
 
 

@@ -1,13 +1,23 @@
-"""Blender files, made by Blender's Python module itself."""
+"""Blender files, made by Blender itself: its Python module, or the program on the PATH."""
 
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-MAKER = Path(__file__).parent / "scene_files.py"
+from plateau.worker.renderers.program import command, program_of
+
+ROOT = Path(__file__).parents[2]
+VARIANT = "cycles:cpu"
+
+
+def in_blender(module: str, *arguments: str) -> list[str]:
+    """The command that runs a module of these tests where Blender's Python module is."""
+    whole = command(VARIANT, f"tests.blender.{module}", arguments)
+    if program_of(VARIANT) is not None:
+        whole.insert(whole.index("--") + 2, str(ROOT))  # among the folders of packages
+    return whole
 
 
 @pytest.fixture(scope="session")
@@ -18,8 +28,8 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     def of(name: str) -> Path:
         if name not in made:
             path = tmp_path_factory.mktemp(name) / "shot.blend"
-            command = [sys.executable, str(MAKER), name, str(path)]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            made_by = in_blender("scene_files", name, str(path))
+            done = subprocess.run(made_by, capture_output=True, text=True, check=False)
             assert path.is_file(), done.stdout + done.stderr
             made[name] = path
         return made[name]

@@ -1,4 +1,4 @@
-"""Makes the Blender files of these tests, in a process of its own: python FILE WHAT PATH."""
+"""Makes the Blender files of these tests, in a process of its own: python -m … WHAT PATH."""
 
 import sys
 from pathlib import Path

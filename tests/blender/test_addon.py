@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import decode_image
+from tests.blender.conftest import in_blender
 from tests.support.farms.real_farm import RealFarm
-
-SESSION = Path(__file__).with_name("addon_session.py")
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +27,7 @@ def farm(tmp_path_factory, cache) -> Iterator[RealFarm]:
 
 
 def _session(blend: Path, url: str, **asked: object) -> dict[str, Any]:
-    command = [sys.executable, str(SESSION), str(blend), json.dumps({"url": url, **asked})]
+    command = in_blender("addon_session", str(blend), json.dumps({"url": url, **asked}))
     with tempfile.TemporaryDirectory() as settings:
         environment = {**os.environ, "BLENDER_USER_RESOURCES": settings}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

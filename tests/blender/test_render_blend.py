@@ -3,7 +3,6 @@
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import pytest
 from PIL import Image
 
 from plateau.farm.images.exr import decode_header, decode_image, decode_layers
-from tests.blender.conftest import MAKER
+from tests.blender.conftest import in_blender
 from tests.support.processes.commands import Command
 
 
@@ -72,8 +71,10 @@ def test_it_is_seen_through_the_view_transform_of_the_scene(blend, tmp_path, nam
     assert any(words in note for note in found["notes"])
     # Blender shows the linear image that was delivered alike, to two code values of 255
     picture = tmp_path / "blender.png"
-    command = [sys.executable, str(MAKER), "show", str(blend(name)), str(out / "image.exr")]
-    subprocess.run([*command, str(picture)], check=True, capture_output=True)
+    shown = in_blender(
+        "scene_files", "show", str(blend(name)), str(out / "image.exr"), str(picture)
+    )
+    subprocess.run(shown, check=True, capture_output=True)
     ours, theirs = (
         np.asarray(Image.open(one).convert("RGB")).astype(int)
         for one in (out / "image.png", picture)

@@ -8,8 +8,8 @@ import argparse
 import os
 from pathlib import Path
 
-from plateau.farm.model.renderers import variant_named
-from plateau.worker.confinement.confine import confine, limit_resources
+from plateau.worker.child.shut_in import shut_in
+from plateau.worker.confinement.confine import limit_resources
 
 
 def main() -> None:
@@ -27,11 +27,12 @@ def main() -> None:
     arguments = parser.parse_args()
     limit_resources(arguments.memory_bytes, arguments.open_files, arguments.file_bytes)
     os.chdir(os.environ["HOME"])  # until there is a scene, whose folder it works in
-    if variant_named(arguments.variant).on_gpu:
-        stays_open = ["CUDA's driver was never tried under the confinement"]
-    else:
-        taken = confine(scenes=arguments.scenes, kernels=arguments.kernels)
-        stays_open = [f"{one.name}: {one.error}" for one in taken if one.error is not None]
+    stays_open = shut_in(
+        arguments.variant,
+        "plateau.worker.child",
+        scenes=arguments.scenes,
+        kernels=arguments.kernels,
+    )
 
     # Imported here: numpy starts threads.
     from plateau.worker.child.request_loop import serve

@@ -10,8 +10,7 @@ import signal
 import sys
 from pathlib import Path
 
-from plateau.farm.model.renderers import variant_named
-from plateau.worker.confinement.confine import confine
+from plateau.worker.child.shut_in import shut_in
 
 
 def main(variant: str) -> None:
@@ -21,8 +20,8 @@ def main(variant: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # an abort is expected here: no core file
-    if not variant_named(variant).on_gpu:  # as in `plateau.worker.child`
-        confine(scenes=(), kernels=Path(os.environ["DRJIT_CACHE_DIR"]))
+    kernels = Path(os.environ["DRJIT_CACHE_DIR"])
+    shut_in(variant, "plateau.worker.child.probe", scenes=(), kernels=kernels)
     # Imported here: numpy starts threads.
     from plateau.worker.renderers.contract import renderer_for
 

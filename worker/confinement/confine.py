@@ -3,15 +3,17 @@
 Resource limits bound its memory, its open files and the files that it writes; the supervisor bounds
 its time. Four measures then protect all other processes of the machine, its supervisor first:
 
+- Root's capabilities are dropped.
 - Landlock leaves it Python, Mitsuba, the system's libraries, the scenes (which it can open by name
   but not list) and one folder to write into, with the kernels that Dr.Jit compiles.
-- Root's capabilities are dropped.
 - Its memory is closed: no process of the same user can read it.
 - A seccomp filter refuses other programs and processes, sockets, signals and the like.
 
-All are applied before the child has a second thread and before it sees a scene. A measure that the
-kernel lacks is reported and left out. A scene that takes a child over still reaches the scenes that
-this child is given, and the kernels that children of this machine share.
+All are applied before the child has a second thread and before it sees a scene. A child that
+becomes another program takes what holds for single threads before that, and all four measures
+there. A measure that the kernel lacks is reported and left out. A scene that takes a child over
+still reaches the scenes that this child is given, and the kernels that children of this machine
+share.
 """
 
 import json
@@ -95,6 +97,27 @@ def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
     )
 
 
+def confine_before(program: Path, *, scenes: Iterable[Path], kernels: Path) -> None:
+    """Confine this process as far as it can be before it becomes a program, which then confines it.
+
+    The program has threads by then, for which Landlock and capabilities would not hold.
+
+    Parameters
+    ----------
+    program : Path
+        The program itself; nothing else can be run.
+    scenes, kernels
+        As of `confine`.
+    """
+    _take("capabilities", "", drop_capabilities)
+    allowed = (
+        *_allowed(scenes, kernels),
+        *((folder, landlock.READ) for folder in _folders_of(program)),
+        *((one, landlock.RUN) for one in (program, *map(Path, _LIBRARIES))),
+    )
+    _take("files", "", lambda: landlock.restrict(allowed))
+
+
 def try_here() -> tuple[Measure, ...]:
     """Return what `confine` achieves on this machine, tried in a process of its own."""
     with tempfile.TemporaryDirectory() as kernels:
@@ -118,7 +141,9 @@ def _take(name: str, holds: str, measure: Callable[[], None]) -> Measure:
 
 def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]]:
     """Yield the paths that may be opened, each with its rights."""
-    for path in (*_python(), *map(Path, (*_LIBRARIES, *_MACHINE)), *_named_libraries()):
+    system = map(Path, (*_LIBRARIES, *_MACHINE))
+    running = Path("/proc/self/exe").resolve()
+    for path in (*_python(), *system, *_named_libraries(), *_folders_of(running)):
         yield path, landlock.READ
     for folder in scenes:
         yield folder, landlock.OPEN
@@ -135,6 +160,20 @@ def _python() -> Iterator[Path]:
     yield plateau
     # In a repository these are links to folders beside it.
     yield from (plateau / one for one in ("farm", "worker"))
+
+
+def _folders_of(program: Path) -> Iterator[Path]:
+    """Yield the folders that a program reads beside the system's libraries.
+
+    A release of Blender is one folder, with the program in it. An installed program has its files
+    in ``share`` and ``lib``, beside its ``bin``.
+    """
+    beside = program.parent.parent
+    yield from (
+        (beside / "share" / program.name, beside / "lib")
+        if program.parent.name == "bin"
+        else (program.parent,)
+    )
 
 
 def _named_libraries() -> Iterator[Path]:

@@ -29,13 +29,15 @@ _WANTS_VERSION: Final = 1
 _PATH_BENEATH: Final = 1
 
 # LANDLOCK_ACCESS_FS_…
+_EXECUTE: Final = 1 << 0
 _WRITE_FILE: Final = 1 << 1
 _READ_FILE: Final = 1 << 2
 _READ_DIR: Final = 1 << 3
 _REMOVE_FILE: Final = 1 << 5
 _MAKE_REG: Final = 1 << 8
 _TRUNCATE: Final = 1 << 14
-_OF_FILES: Final = _WRITE_FILE | _READ_FILE | _TRUNCATE  #: what a rule on a file may name
+#: What a rule on a file may name.
+_OF_FILES: Final = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE
 
 #: How many rights each ABI knows, from 1 on; later ones have those of the fifth.
 _RIGHTS: Final = (13, 14, 15, 15, 16)
@@ -46,6 +48,8 @@ _ABSTRACT_SOCKETS_AND_SIGNALS: Final = 0b11
 OPEN: Final = _READ_FILE
 #: The right to open files and to list folders.
 READ: Final = _READ_FILE | _READ_DIR
+#: The right to run programs, too. The loader of a program's libraries needs it as well.
+RUN: Final = READ | _EXECUTE
 #: The right to make, change, rename and remove files, but no folders.
 KEEP_FILES: Final = READ | _WRITE_FILE | _REMOVE_FILE | _MAKE_REG | _TRUNCATE
 
@@ -65,7 +69,7 @@ def restrict(allowed: Iterable[tuple[Path, int]]) -> None:
     Parameters
     ----------
     allowed : iterable of (Path, int)
-        Paths and rights: `OPEN`, `READ` or `KEEP_FILES`. Paths that do not exist are left out.
+        Paths and rights: `OPEN`, `READ`, `RUN` or `KEEP_FILES`. Missing paths are left out.
 
     Raises
     ------

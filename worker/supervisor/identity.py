@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from plateau.farm.model import versions
+from plateau.farm.model.renderers import VARIANTS
 from plateau.worker.confinement import landlock
+from plateau.worker.renderers.program import program_of
 
 _PACKAGES: Final = ("mitsuba", "drjit", "numpy")
 #: Of the C library, whose functions scalar variants call.
@@ -24,7 +26,7 @@ _C_LIBRARY: Final = ("/libc.so", "/libm.so")
 
 def of(libraries: Iterable[str]) -> dict[str, Any]:
     """Return all of it as JSON shows it, with these libraries."""
-    files = sorted({*libraries, *_mapped()})
+    files = sorted({*libraries, *_mapped(), *_programs()})
     return {
         "plateau": versions.plateau(),
         **{name: version(name) for name in _PACKAGES},
@@ -75,6 +77,11 @@ def _cpuinfo(field: str) -> str:
             if line.startswith(field):
                 return line.partition(":")[2].strip()
     return ""
+
+
+def _programs() -> set[str]:
+    """Return the programs that bring renderers."""
+    return {str(program) for variant in VARIANTS if (program := program_of(variant))}
 
 
 def _mapped() -> set[str]:

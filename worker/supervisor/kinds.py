@@ -9,12 +9,12 @@ import contextlib
 import time
 from datetime import datetime, timezone
 from functools import cache as once
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 from plateau.farm.model import versions
 from plateau.farm.model.renderers import variant_named
+from plateau.worker.renderers.program import release
 from plateau.worker.supervisor import identity
 from plateau.worker.supervisor.variants import SCALAR, Probe, VariantChoice, probe
 
@@ -81,7 +81,7 @@ class Kinds:
         parts.append("a GPU" if known.on_gpu else identity.cpu())
         if variant in self._known:
             parts.append(f"bits {self._known[variant]['bits']}")
-        return f"{_release(known.renderer, known.package)} ({'; '.join(parts)})".replace(",", "")
+        return f"{_release(variant)} ({'; '.join(parts)})".replace(",", "")
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all kinds that the worker is known to be."""
@@ -101,6 +101,7 @@ class Kinds:
 
 
 @once
-def _release(renderer: str, package: str) -> str:
-    """The name and version of a renderer, which may be a part of Plateau."""
-    return f"{renderer} {version(package) if package else versions.plateau()}"
+def _release(variant: str) -> str:
+    """The name and version of a variant's renderer, which may be a part of Plateau."""
+    known = variant_named(variant)
+    return f"{known.renderer} {release(variant) if known.package else versions.plateau()}"

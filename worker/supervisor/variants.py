@@ -21,9 +21,16 @@ from itertools import filterfalse, takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from plateau.farm.model.renderers import CYCLES, MITSUBA, VARIANTS, variant_named
+from plateau.farm.model.renderers import (
+    CYCLES,
+    MITSUBA,
+    VARIANTS,
+    VariantFacts,
+    variant_named,
+)
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.farm.process.scratch import scratch
+from plateau.worker.renderers.program import program_of
 from plateau.worker.supervisor import identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
@@ -38,7 +45,8 @@ CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 
 #: Why there are no variants of Cycles.
 BLENDER_MISSING: Final = (
-    "Blender's Python module is not installed; pip install 'plateau[blender]' (Python 3.11 or 3.13)"
+    "Blender is not here; pip install 'plateau[blender]' (Python 3.11 or 3.13), or put a blender "
+    "program on the PATH that has this version of Python"
 )
 
 #: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
@@ -107,6 +115,11 @@ def is_installed(variant: str) -> bool:
     """Return whether the package that has a variant's renderer is there; it is not imported."""
     package = variant_named(variant).package
     return not package or find_spec(package) is not None
+
+
+def is_here(variant: str) -> bool:
+    """Return whether a variant's package is there, or a program that may bring it."""
+    return is_installed(variant) or program_of(variant) is not None
 
 
 def choose(cache: Path, *, every: bool = False) -> VariantChoice:
@@ -186,14 +199,22 @@ def _candidates() -> list[tuple[str, str | None]]:
 
 
 def _of_cycles() -> list[str]:
-    """Return the variants of Cycles that may work here: Blender is there, and a driver."""
+    """Return the variants of Cycles that may work here: Blender is there, and a driver.
+
+    Blender's package works everywhere on the processor; a program may be of any version.
+    """
     names = [name for name, _ in system_libraries()]
+
+    def may_work(variant: str, known: VariantFacts) -> bool:
+        if not known.on_gpu:
+            return not is_installed(variant)
+        driver = _DRIVERS[known.own_name]
+        return any(name.startswith(driver) for name in names)
+
     return [
         variant
         for variant, known in VARIANTS.items()
-        if known.renderer == CYCLES and known.on_gpu and is_installed(variant)
-        if (driver := _DRIVERS.get(known.own_name))
-        if any(name.startswith(driver) for name in names)
+        if known.renderer == CYCLES and is_here(variant) and may_work(variant, known)
     ]
 
 

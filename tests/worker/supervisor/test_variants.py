@@ -158,6 +158,7 @@ class TestProbe:
 @pytest.fixture
 def no_driver(monkeypatch):
     monkeypatch.setattr(variants, "_has_cuda_driver", lambda: False)
+    monkeypatch.setattr(variants, "program_of", lambda _: None)
 
 
 @pytest.fixture
@@ -353,3 +354,20 @@ def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch
     there.__spec__ = ModuleSpec("bpy", None)
     monkeypatch.setitem(sys.modules, "bpy", there)
     assert "cycles:cpu" in works.variants
+
+
+def test_a_blender_program_that_renders_nothing_is_tried_and_not_offered(tmp_path, monkeypatch):
+    # Given a program that is none: a script on the PATH
+    script = tmp_path / "blender"
+    script.write_text("#!/bin/sh\nexit 0\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(variants, "_has_cuda_driver", lambda: False)
+    monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
+    choice = choose(tmp_path / "cache")
+    assert [(one.variant, one.ok) for one in choice.tried] == [
+        (SCALAR, True),
+        ("cycles:cpu", False),
+    ]
+    assert "it has to be Blender's program itself" in choice.tried[1].detail
+    assert (choice.variant, choice.like("cycles:cpu")) == (SCALAR, ())
