@@ -39,7 +39,7 @@ test-blender: setup  ## Blender's Cycles, in .venv-blender (2 GB, of which 400 M
 	bash tests/blender/install.sh
 	.venv-blender/bin/python -m pytest tests/blender --ignore tests/blender/test_program.py --durations 10
 
-test-blender-program: setup  ## The same by a `blender` program, on a Debian in .blender-program (2 GB; root on Debian)
+test-blender-program: setup  ## The same by a `blender` program, on a Debian in .blender-program (3 GB; root on Debian)
 	bash tests/blender/with_program.sh python -m pytest tests/blender --durations 10
 
 check: export DENO_NO_UPDATE_CHECK = 1

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs a command on a Debian of its own, in .blender-program, which has a `blender` program, its
 # Python, and Plateau installed for that: as on a machine where nobody installed Blender's module.
-# Root on Debian. The root is made once (2 GB), from Debian's unstable release, the first one with a
+# Root on Debian. The root is made once (3 GB), from Debian's unstable release, the first one with a
 # Blender that is new enough.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -21,7 +21,7 @@ inside() {  # a command, with this repository at /plateau; its mounts end with i
 }
 
 make_root() {
-  say "making .blender-program (2 GB, once)"
+  say "making .blender-program (3 GB, once)"
   command -v debootstrap >/dev/null || apt_install debootstrap
   rm -rf "$root"
   debootstrap --variant=minbase --include=ca-certificates,git,python3-venv sid "$root" >/dev/null
