@@ -1,6 +1,6 @@
 """What the two eyes cost: the monitor's share of a job's CPU time: `make bench-eye_costs`.
 
-`plateau render` makes an image of each size up to its cap, judged by `visible` or by `jod` at every
+`plateau render` makes an image up to its cap, judged by `visible` or by `jod` at every
 step. Neither is ever content.
 """
 
@@ -20,8 +20,7 @@ from plateau.scenes import FOLDER
 
 _SCENE: Final = "box"
 _STEP: Final = 50
-#: Width, height, and spp at the end.
-_SIZES: Final = ((1920, 1080, 200),)
+_WIDTH, _HEIGHT, _SPP = 1920, 1080, 200
 #: Rules by the names of the two models of vision, with targets that are not reached.
 _RULES: Final = {"Yee 2004": "visible:target=1e-9", "ColorVideoVDP": "jod:target=9.99"}
 _EVERY_S: Final = 0.25
@@ -31,18 +30,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.parse_args()
     figures = []
-    for width, height, spp in _SIZES:
-        for eye, rule in _RULES.items():
-            share = _share(width, height, spp, rule)
-            print(f"{width}×{height}, {eye}: {share}", file=sys.stderr)
-            figures.append(
-                Figure(
-                    name=_name(width, height, eye),
-                    value=round(share, 4),
-                    unit="of the CPU time",
-                    goal="under 0.05",
-                )
+    for eye, rule in _RULES.items():
+        share = _share(rule)
+        print(f"{eye}: {share}", file=sys.stderr)
+        figures.append(
+            Figure(
+                name=_name(eye),
+                value=round(share, 4),
+                unit="of the CPU time",
+                goal="under 0.05",
             )
+        )
     report = write_report(
         "eye_costs",
         figures,
@@ -52,14 +50,14 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "eyes.md", tables(report))
 
 
-def _share(width: int, height: int, spp: int, rule: str) -> float:
+def _share(rule: str) -> float:
     """Return the monitor's share of the CPU time of a job that goes to its cap."""
-    options = {"--rule": rule, "--max-spp": spp, "--step": _STEP, "--denoise": "none"}
+    options = {"--rule": rule, "--max-spp": _SPP, "--step": _STEP, "--denoise": "none"}
     with tempfile.TemporaryDirectory() as folder:
         process = plateau_render.start(
             FOLDER / _SCENE,
             Path(folder),
-            parameters={"width": width, "height": height},
+            parameters={"width": _WIDTH, "height": _HEIGHT},
             options=options,
         )
         watch = plateau_render.Watch(process)
@@ -70,21 +68,16 @@ def _share(width: int, height: int, spp: int, rule: str) -> float:
     return last.monitor / last.all_
 
 
-def _name(width: int, height: int, eye: str) -> str:
-    return f"{width}×{height}: {eye}"
+def _name(eye: str) -> str:
+    return f"{_WIDTH}×{_HEIGHT}: {eye}"
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return the table by the name of its place in the document."""
     found = {one["name"]: one["value"] for one in report["figures"]}
-    rows = [
-        [
-            f"{width}×{height}, {spp} spp",
-            *(f"{found[_name(width, height, eye)]:.1%}" for eye in _RULES),
-        ]
-        for width, height, spp in _SIZES
-    ]
-    return {"eye-costs": markdown.table(["", *_RULES], rows)}
+    shares = [f"{found[_name(eye)]:.1%}" for eye in _RULES]
+    row = [f"{_WIDTH}×{_HEIGHT}, {_SPP} spp", *shares]
+    return {"eye-costs": markdown.table(["", *_RULES], [row])}
 
 
 if __name__ == "__main__":

@@ -20,10 +20,11 @@ from bench import ROOT
 from bench.support import markdown
 from bench.support.bare import shot_child
 from bench.support.report import Figure, write_report
+from bench.support.videos import seen_beside
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import Evidence, Half, View, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.cvvdp import ColorVideoVDP, mirrored, video_jod
+from plateau.metric.cvvdp import ColorVideoVDP, video_jod
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import display_of
@@ -32,6 +33,7 @@ from plateau.service.monitor.shots.process import Looked
 from plateau.service.monitor.shots.tending import said
 
 if TYPE_CHECKING:
+    from plateau.metric import Image
     from plateau.metric.noise_model import NoiseModel
     from plateau.metric.shots import ShotQuality
 
@@ -99,19 +101,15 @@ class _Recorded:
 
     def truth(self, spp: Sequence[int]) -> tuple[float, float]:
         """Return its true quality, and that of its worst moment."""
-        eye = self._eye()
-        reference, test = eye.video(shot_child.FPS), eye.video(shot_child.FPS)
-        before = mirrored(shot_child.FPS, len(spp))
-        seen = []
-        for frame in (*before, *range(len(spp))):
+
+        def pair(frame: int) -> tuple[Image, Image]:
             with np.load(self.files[frame]) as images:
-                clean = images["reference"]
-            image, _ = self.halves(frame, spp[frame])
-            pair = (displayed(one, _VIEW) for one in (clean, image))
-            seen.append(eye.compare(reference.percept(next(pair)), test.percept(next(pair))))
+                clean = displayed(images["reference"], _VIEW)
+            return clean, displayed(self.halves(frame, spp[frame])[0], _VIEW)
+
+        before, seen = seen_beside(self._eye(), shot_child.FPS, len(spp), pair)
         # The mirrored frames' noise is seen twice until the first moment that has none of them.
-        whole = seen[2 * len(before) :]
-        return video_jod(seen[len(before) :]), min(moment.jod for moment in whole)
+        return video_jod(seen), min(moment.jod for moment in seen[len(before) :])
 
     def _eye(self) -> ColorVideoVDP:
         return ColorVideoVDP(display_of(_VIEW, shot_child.WIDTH))

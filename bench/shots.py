@@ -22,9 +22,10 @@ from bench import ROOT
 from bench.support import markdown
 from bench.support.bare import shot_child
 from bench.support.report import Figure, write_report
+from bench.support.videos import seen_beside
 from plateau.metric import Half, View
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP, Display, mirrored, video_jod
+from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP, Display, video_jod
 from plateau.metric.noise_model import noise_model
 from plateau.metric.shots import shot_quality
 
@@ -108,14 +109,9 @@ class Frames(Sequence["NoiseModel"]):
 
 def qualities(eye: ColorVideoVDP, frames: Frames) -> dict[str, float]:
     """Return the quality of a shot in JOD: the truth, the estimate, and that of frames alone."""
-    reference, test = eye.video(shot_child.FPS), eye.video(shot_child.FPS)
-    seen, alone = [], []
-    before = mirrored(shot_child.FPS, len(frames))
-    for frame in (*before, *range(len(frames))):
-        truth, image = frames.pair(frame)
-        seen.append(eye.compare(reference.percept(truth), test.percept(image)))
-        alone.append(eye.compare(eye.percept(truth), eye.percept(image)).jod)
-    seen, alone = seen[len(before) :], alone[len(before) :]
+    _, seen = seen_beside(eye, shot_child.FPS, len(frames), frames.pair)
+    pairs = map(frames.pair, range(len(frames)))
+    alone = [eye.compare(eye.percept(truth), eye.percept(image)).jod for truth, image in pairs]
     estimate = shot_quality(eye, shot_child.FPS, frames)
     return {
         TRUE: video_jod(seen),
