@@ -226,6 +226,7 @@ class TestExamples:
         url = f"redis://:{PASSWORD}@10.20.0.7:6380/0"
         farm.make_secret("farm-redis", {f"{user}-url": url for user in USERS})
         farm.make_secret("farm-keys", {"admin": key("a"), "viewer": key("b")})
+        farm.make_secret("farm-notify", {"targets": "ops json://10.20.0.7/\n"})
         for name in ("farm-s3", "farm-s3-workers"):
             s3 = {"AWS_ACCESS_KEY_ID": S3_KEY, "AWS_SECRET_ACCESS_KEY": S3_SECRET}
             farm.make_secret(name, s3)

@@ -49,12 +49,12 @@ class Release(Farm):
         self.store = Blobs(str(self._volume(blobs, "ReadWriteMany", volume.get("className"))))
         labels = {"metadata": {"name": self.namespace, "labels": _STRICT}}
         node.apply({"apiVersion": "v1", "kind": "Namespace", **labels})
-        if claim:
-            asked = {
-                "accessModes": ["ReadWriteMany"],
-                "resources": {"requests": {"storage": "1Ti"}},
-            }
-            self.apply("PersistentVolumeClaim", claim, spec=asked)
+        roots = [root["claim"] for root in told.get("sceneRoots", {}).values()]
+        for name in roots:
+            self._volume(name, "ReadWriteMany", None)
+        asked = {"accessModes": ["ReadWriteMany"], "resources": {"requests": {"storage": "1Ti"}}}
+        for name in filter(None, (claim, *roots)):
+            self.apply("PersistentVolumeClaim", name, spec=asked)
 
     def apply(self, kind: str, name: str, **fields: object) -> None:
         """Make an object of the core's in the namespace."""
