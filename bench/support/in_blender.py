@@ -3,7 +3,7 @@
 - ``make NAME PATH SIZE``: write the scene of this name, square and of so many pixels a side.
 - ``reference BLEND EXR SPP``: render so many samples of a sequence that no job has.
 - ``alone BLEND EXR``: render by Cycles' own adaptive sampling and denoiser.
-- ``slices BLEND SPP``: render as slices, and the same samples at once.
+- ``slices BLEND SPP SLICE_SPP…``: render as slices of some sizes, and the same samples at once.
 
 The last two print JSON, with the processor's seconds.
 """
@@ -14,6 +14,7 @@ import json
 import resource
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,10 +29,10 @@ from plateau.worker.renderers.cycles.renderer import Renderer
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_SLICE_SPP: Final = 25
 #: Cycles' defaults.
 _THRESHOLD, _MOST_SPP = 0.01, 4096
 _REFERENCE_SEQUENCE: Final = 4000
+_TURNS: Final = 3
 
 
 def _empty() -> Any:
@@ -140,8 +141,8 @@ def alone(blend: str, exr: str) -> None:
     print(json.dumps({"spp": share * _MOST_SPP, "processor_s": took_s}))
 
 
-def slices(blend: str, spp: str) -> None:
-    """Tell what slices cost, and what the same samples do at once."""
+def slices(blend: str, spp: str, *sizes: str) -> None:
+    """Tell what slices cost, and what the same samples do at once: the least of some turns."""
     renderer = _loaded(blend)
     one = renderer._one
     assert one is not None
@@ -150,20 +151,21 @@ def slices(blend: str, spp: str) -> None:
     def at_once() -> None:
         renderer._written(one, 0, one.height, wanted, 0)
 
-    def sliced() -> None:
-        for first in range(0, wanted, _SLICE_SPP):
-            _film(renderer, _SLICE_SPP, first)
+    def sliced(size: int) -> None:
+        for first in range(0, wanted, size):
+            _film(renderer, size, first)
 
-    print(json.dumps({"at_once_s": _least_s(at_once), "sliced_s": _least_s(sliced)}))
-
-
-def _least_s(work: Callable[[], None], times: int = 2) -> float:
-    took = []
-    for _ in range(times):
-        before = _processor_s()
-        work()
-        took.append(_processor_s() - before)
-    return min(took)
+    ways: dict[str, Callable[[], None]] = {
+        "at once": at_once,
+        **{size: partial(sliced, int(size)) for size in sizes},
+    }
+    took = dict.fromkeys(ways, float("inf"))
+    for _ in range(_TURNS):
+        for way, work in ways.items():
+            before = _processor_s()
+            work()
+            took[way] = min(took[way], _processor_s() - before)
+    print(json.dumps(took))
 
 
 def _loaded(blend: str) -> Renderer:

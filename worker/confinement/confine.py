@@ -142,8 +142,7 @@ def _take(name: str, holds: str, measure: Callable[[], None]) -> Measure:
 def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]]:
     """Yield the paths that may be opened, each with its rights."""
     system = map(Path, (*_LIBRARIES, *_MACHINE))
-    running = Path("/proc/self/exe").resolve()
-    for path in (*_python(), *system, *_named_libraries(), *_folders_of(running)):
+    for path in (*_python(), *system, *_named_libraries(), *_program()):
         yield path, landlock.READ
     for folder in scenes:
         yield folder, landlock.OPEN
@@ -160,6 +159,13 @@ def _python() -> Iterator[Path]:
     yield plateau
     # In a repository these are links to folders beside it.
     yield from (plateau / one for one in ("farm", "worker"))
+
+
+def _program() -> Iterator[Path]:
+    """Yield what the program reads that this process runs, if that is not Python itself."""
+    running = Path("/proc/self/exe").resolve()
+    if running != Path(sys.executable).resolve():
+        yield from _folders_of(running)
 
 
 def _folders_of(program: Path) -> Iterator[Path]:
