@@ -75,6 +75,14 @@ class Watch:
             for name in MEASURED
         }
 
+    def in_words(self) -> str:
+        """How all of it went so far: what a run that fails has found until then."""
+        return "; ".join(
+            f"{role}'s {name} grew by {found.growth:.0f} from {found.middle:.0f}"
+            for role in self.series
+            for name, found in self.trends(role).items()
+        )
+
     def findings(self) -> list[str]:
         """A line for whatever is not flat."""
         return [

@@ -26,6 +26,8 @@ SEED = int(os.environ.get("SOAK_SEED", "1"))
 ROUND_S: Final = 20.0
 #: Between two faults: time for some slices.
 PAUSE_S: Final = (0.3, 5.0)
+#: Minutes after which growth can be told.
+_LONG_ENOUGH: Final = 5.0
 #: Beside an API, a monitor and a worker that are not.
 STRUCK: Final = (("monitor",), ("worker",), ("worker",), ("worker",))
 
@@ -69,6 +71,12 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
         chaos = Chaos(farm, SEED, tell, struck, PAUSE_S)
         farm.wait_for_workers(4)
         began = time.monotonic()
+
+        def tell_growth() -> None:
+            if minutes() > _LONG_ENOUGH:
+                tell(f"so far {soak.watch.in_words()}")
+
+        after.callback(tell_growth)  # a run of hours that fails has found that much
         with Users(soak.desk, SEED) as users:
             while minutes() < MINUTES:
                 round_ends = time.monotonic() + ROUND_S

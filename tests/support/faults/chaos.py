@@ -6,6 +6,7 @@ import random
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
@@ -19,6 +20,7 @@ from tests.support.farms.faulty_farm import FaultyFarm
 #: The commands of those that are struck, as many as the farm has while all is well.
 MEMBERS: Final = (("monitor",),) * 2 + (("worker",),) * 3
 PAUSE_S: Final = (0.1, 1.5)  #: between two faults
+_MOST_SPOILT: Final = 2  #: partials of a slice, which may be rendered four times
 _LONGEST_S: Final = 4.0  #: of a fault that lasts; a lease of these farms lasts 2 s
 
 
@@ -68,6 +70,7 @@ class Chaos:
         )
         self.struck: dict[str, int] = {}
         self.damaged: set[str] = set()  #: blobs that were spoilt or lost
+        self._spoilt: Counter[Path] = Counter()  #: how often, by slice
         self.redis_is_away = False
         for command in members:
             self._start(command)
@@ -220,20 +223,30 @@ class Chaos:
 
     def _damaged(self, path: Path) -> str:
         self.damaged.add(path.relative_to(self._farm.store.where).as_posix())
+        self._spoilt[_slice_of(path)] += 1
         return path.name
 
     def _some_blob(self) -> Path | None:
-        """A partial or a checkpoint: what a job that runs makes again."""
+        """A partial or a checkpoint: what a job that runs makes again.
+
+        A slice whose partial never comes back whole fails its job, so none is spoilt that often.
+        """
         root = Path(self._farm.store.where)
         found = [
             path
             for kind in (blobs.partials("*"), blobs.checkpoints("*"))
             for path in root.glob(f"{kind}*")
+            if self._spoilt[_slice_of(path)] < _MOST_SPOILT
         ]
         return self._random.choice(sorted(found)) if found else None
 
     def _later(self, repair: Callable[[], None]) -> None:
         self._mend.append((time.monotonic() + self._random.uniform(0, _LONGEST_S), repair))
+
+
+def _slice_of(partial: Path) -> Path:
+    """What all partials of a slice have in common; of a checkpoint its own path."""
+    return partial.with_name(partial.name.partition("-")[0])
 
 
 def _children(process: subprocess.Popen[bytes]) -> list[psutil.Process]:

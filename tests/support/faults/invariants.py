@@ -1,6 +1,6 @@
 """Every invariant of a finished job, checked from outside: by API, Redis and blob store."""
 
-from collections.abc import Set
+from collections.abc import Collection, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -13,6 +13,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
@@ -152,13 +153,20 @@ def is_of_no_job(key: str) -> bool:
 def _check_ledger(jobs: Jobs, job_id: str) -> None:
     """Each slice counts once, and no two have a seed in common."""
     job, ledger = jobs.get(job_id), jobs.ledger(job_id)
-    assert job.committed_spp == jobs.plan(job).spp(len(ledger))
+    assert job.committed_spp == _spp_of(jobs.plan(job), ledger)
     assert job.spp <= job.committed_spp
     assert set(range(jobs.plan(job).slices_of(job.spp))) <= ledger.keys()
     seeds = sorted((one["first_seed"], one["last_seed"]) for one in ledger.values())
     assert all(first <= last for first, last in seeds)
     assert all(a[1] < b[0] for a, b in pairwise(seeds))
     assert len({one["blob"] for one in ledger.values()}) == len(ledger)
+
+
+def _spp_of(plan: Plan, slices: Collection[int]) -> int:
+    """The samples per pixel of these slices; of a job that failed one in the middle may be lost."""
+    if not plan.by_zones or not plan.pixels:
+        return plan.spp(len(slices))
+    return sum(plan.samples(one + 1) - plan.samples(one) for one in slices) // plan.pixels
 
 
 def _check_story(jobs: Jobs, job_id: str) -> None:
