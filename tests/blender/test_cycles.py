@@ -165,10 +165,12 @@ def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
             continue  # of a Cryptomatte
         of_whole = whole[..., plane]
         assert np.isfinite(of_whole).all(), name
+        # Blender 5.2 gives the greatest float as a sum of depths where there is nothing
+        there = np.abs(of_whole) < 1e37
         # A mean that is weighted by more than the samples is off where these weights vary
         slack = 0.02 if ".Vector." in name else 1e-6
-        most = slack * max(1, np.abs(of_whole).max())
-        assert np.abs(total[..., plane] - of_whole).max() <= most, name
+        most = slack * max(1, np.abs(of_whole[there]).max())
+        assert np.abs(total[..., plane] - of_whole)[there].max() <= most, name
     assert set(np.unique(total[..., channels.names.index("K_che.Object Index.X")])) <= {0, 3, 4, 5}
     # And what compositors make of them is the image
     image = channels.normalised(total)
