@@ -91,13 +91,13 @@ def _measured(scene: str, folder: Path, options: argparse.Namespace) -> list[Fig
     took_s = json.loads(said.splitlines()[-1])
     return [
         *(
-            figure(_name(scene, way, field), [value], unit)
+            figure(_of_image(scene, way, field), [value], unit)
             for way, image in images.items()
             for (field, value), unit in zip(image._asdict().items(), _UNITS, strict=True)
         ),
         *(
             figure(
-                _name(scene, size),
+                _of_slices(scene, size),
                 [took_s["at once"] / took_s[str(size)]],
                 "ratio",
                 compared_with="the processor time of Cycles for the same samples at once",
@@ -111,10 +111,12 @@ def _measured(scene: str, folder: Path, options: argparse.Namespace) -> list[Fig
 _UNITS: Final = ("spp", "s", "of the pixels")
 
 
-def _name(scene: str, *what: object) -> str:
-    if isinstance(what[0], int):
-        return f"{scene}: efficiency of slices of {what[0]} spp"
-    return f"{scene}: " + ": ".join(map(str, what))
+def _of_image(scene: str, way: str, field: str) -> str:
+    return f"{scene}: {way}: {field}"
+
+
+def _of_slices(scene: str, spp: int) -> str:
+    return f"{scene}: efficiency of slices of {spp} spp"
 
 
 def _processor_s() -> float:
@@ -151,10 +153,10 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     for scene, words in SCENES.items():
         cells = []
         for way in (*WAYS, ALONE):
-            spp, processor_s, wrong = (found[_name(scene, way, one)] for one in Image._fields)
+            spp, processor_s, wrong = (found[_of_image(scene, way, one)] for one in Image._fields)
             cells.append(f"{spp:.0f} spp, {processor_s:.0f} s, {wrong:.2%}")
         images.append([words, *cells])
-        slices.append([words, *(f"{found[_name(scene, size)]:.2f}" for size in SLICES)])
+        slices.append([words, *(f"{found[_of_slices(scene, size)]:.2f}" for size in SLICES)])
     sized = {name.replace("_", " "): value for name, value in report["settings"].items()}
     return {
         "blender-machine": markdown.machine({**report, "settings": sized}, tuple(sized)),

@@ -1,7 +1,6 @@
 """A `blender` program in the place of its Python module: `make test-blender-program`."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from plateau.worker.supervisor.child_process import RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from plateau.worker.supervisor.variants import probe
 from tests.blender.conftest import VARIANT
+from tests.support.path_programs import put_on_path
 
 
 def test_doctor_names_the_release_of_the_program():
@@ -56,10 +56,7 @@ def test_a_program_with_another_python_is_refused_in_words():
 
 
 def test_a_script_in_the_place_of_the_program_is_refused_in_words(tmp_path, monkeypatch):
-    script = tmp_path / "blender"
-    script.write_text("#!/bin/sh\nexec /usr/bin/blender $@\n")
-    script.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    put_on_path(tmp_path / "blender", "exec /usr/bin/blender $@", monkeypatch)
     tried = probe(VARIANT, None)
     assert not tried.ok
     assert "not a script that starts it" in tried.detail

@@ -21,6 +21,7 @@ from plateau.worker.supervisor.variants import (
     choose,
     probe,
 )
+from tests.support.path_programs import put_on_path
 from tests.support.variants import library_for
 
 
@@ -358,10 +359,7 @@ def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch
 
 def test_a_blender_program_that_renders_nothing_is_tried_and_not_offered(tmp_path, monkeypatch):
     # Given a program that is none: a script on the PATH
-    script = tmp_path / "blender"
-    script.write_text("#!/bin/sh\nexit 0\n")
-    script.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    put_on_path(tmp_path / "blender", "exit 0", monkeypatch)
     monkeypatch.setattr(variants, "_has_cuda_driver", lambda: False)
     monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
     choice = choose(tmp_path / "cache")

@@ -8,6 +8,7 @@ import os
 import runpy
 import site
 import sys
+import sysconfig
 import traceback
 
 import bpy
@@ -19,7 +20,7 @@ def _main(arguments: list[str]) -> int:
     middle = arguments.index("--", start)
     python, *folders = arguments[start:middle]
     module, *rest = arguments[middle + 1 :]
-    own = f"{sys.version_info.major}.{sys.version_info.minor}"
+    own = sysconfig.get_python_version()
     if not hasattr(bpy.context.scene.cycles, "use_sample_subset"):
         release = bpy.app.version_string
         print(f"Blender {release} is too old: its Cycles cannot render a subset of its samples")
