@@ -61,7 +61,7 @@ def why_unknown(job: Job, waits_for: str | None) -> str | None:
         return None
     if job.held:
         return "is held back until it is resumed"
-    return waits_for or "is one of too many open jobs to tell"
+    return waits_for or "cannot be told: too many jobs are open, or its worker has just come"
 
 
 def expected_start(
@@ -97,20 +97,22 @@ def expected_starts(
             continue
         ahead = [one for one in every.values() if one.workers & workers]
         free_s = _free_after_s(ahead, workers, slice_s, turn_s)
-        for one, start in _starts(ahead, workers, {at: s or turn_s for at, s in free_s.items()}):
+        first_s = {at: turn_s if after is None else after for at, after in free_s.items()}
+        later_s = (turn_s + slice_s) / len(workers)
+        for one, start in _starts(ahead, workers, first_s, later_s):
             if one.id in wanted:
-                least = free_s[one.priority]
+                least = free_s[one.priority] or 0.0
                 found[one.id] = Start(max(start.seconds, least), start.is_bound)
     return found
 
 
 def _free_after_s(
     jobs: Iterable[OpenJob], workers: frozenset[str], slice_s: float, turn_s: float
-) -> dict[int, float]:
+) -> dict[int, float | None]:
     """The expected time until a worker takes another job, for a job of each priority.
 
-    All workers are expected to be somewhere in their slices, and in their turns with a scene,
-    which does not hold back a job of a higher priority.
+    None where a worker is free. All others are expected to be somewhere in their slices, and in
+    their turns with a scene, which does not hold back a job of a higher priority.
     """
     leased: defaultdict[int, int] = defaultdict(int)
     first_end_s = turn_s + slice_s
@@ -119,12 +121,13 @@ def _free_after_s(
         leased[one.priority] += one.leased
         if one.leased:
             first_end_s = min(first_end_s, one.left_s / one.leased)
-    busy, found = sum(leased.values()), {}
+    busy = sum(leased.values())
+    found: dict[int, float | None] = {}
     any_turn_ends_s = min(first_end_s, (turn_s + slice_s) / (len(workers) + 1))
     for priority in {one.priority for one in jobs}:
         below = sum(slices for at, slices in leased.items() if at < priority)
         if busy < len(workers):
-            found[priority] = 0.0
+            found[priority] = None
         elif below:
             found[priority] = min(slice_s / (below + 1), any_turn_ends_s)
         else:
@@ -133,17 +136,19 @@ def _free_after_s(
 
 
 def _starts(
-    jobs: Sequence[OpenJob], workers: frozenset[str], turn_s: Mapping[int, float]
+    jobs: Sequence[OpenJob], workers: frozenset[str], first_s: Mapping[int, float], later_s: float
 ) -> Iterator[tuple[OpenJob, Start]]:
     """Each job's start where all workers are equally fast, the first of them at once.
 
-    At each priority, a turn of some worker's ends in `turn_s`.
+    At each priority, a turn of some worker's ends in `first_s`, and the next one `later_s` after a
+    job has ended.
     """
     begun_s, capped = 0.0, False
     for priority in sorted({one.priority for one in jobs}, reverse=True):
         level = [one for one in jobs if one.priority == priority]
         started = [
-            (one, begun_s + at) for one, at in _at_one_priority(level, workers, turn_s[priority])
+            (one, begun_s + at)
+            for one, at in _at_one_priority(level, workers, first_s[priority], later_s)
         ]
         started.sort(key=lambda start: start[1])
         bound_from = min((at for one, at in started if one.is_capped), default=None)
@@ -160,7 +165,7 @@ def _share_s(job: OpenJob, workers: frozenset[str]) -> float:
 
 
 def _at_one_priority(
-    jobs: Iterable[OpenJob], workers: frozenset[str], turn_s: float
+    jobs: Iterable[OpenJob], workers: frozenset[str], first_s: float, later_s: float
 ) -> Iterator[tuple[OpenJob, float]]:
     """Each job and its start in seconds, where none of a higher priority is before it.
 
@@ -173,13 +178,14 @@ def _at_one_priority(
     # The next to end comes first, by the time that each party has had to itself.
     running: list[tuple[float, int, Iterator[OpenJob]]] = []
     now_s, alone_s, entry = 0.0, 0.0, 0
+    turn_s = first_s
 
     while waiting or running:
         party = waiting.pop() if waiting and len(running) <= len(workers) else None
         if party is None:
             ends_s, _, party = heappop(running)
             now_s += (ends_s - alone_s) * (len(running) + 1) / len(workers)
-            alone_s = ends_s
+            alone_s, turn_s = ends_s, later_s
         one = next(party, None)
         if one is not None:
             has_worker = len(running) < len(workers)

@@ -51,6 +51,12 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
             id="or its job ends, if sooner",
         ),
         pytest.param(
+            [replace(BUSY, left_s=3.0), job("c1")],
+            job("b2"),
+            28,
+            id="after a whole turn of the one that follows a job which ends soon",
+        ),
+        pytest.param(
             [BUSY_TWO, job("c1", workers=TWO), job("c2", workers=TWO)],
             job("b3", workers=TWO),
             150,
@@ -77,7 +83,7 @@ BUSY_TWO = job("a0", leased=2, workers=TWO, left_s=300.0)
         pytest.param(
             [job("c1", workers=TWO, leased=2), job("c2")],
             job("b3"),
-            111,
+            122,
             id="a job of more workers takes its share of this one",
         ),
     ],

@@ -110,28 +110,26 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
         lines = http.get("/metrics").text.splitlines()
         return next(line for line in lines if line.startswith("plateau_jobs_unserved"))
 
-    def start(job: str) -> tuple[object, ...]:
+    def starts(job: str) -> list[tuple[object, ...]]:
         named, (listed, *_) = (
             http.get(f"/v1/jobs/{job}").json(),
             http.get("/v1/jobs").json()["jobs"],
         )
-        shown = [
+        return [
             tuple(one[f"expected_start_{of}"] for of in ("s", "is_bound", "unknown"))
             for one in (named, listed)
         ]
-        assert shown[0] == shown[1]
-        return shown[0]
 
     assert made.json()["waits_for"] == words
     assert (waits_for(), unserved()) == ({words}, "plateau_jobs_unserved 1.0")
-    assert start(made.json()["id"]) == (None, False, words)
+    assert starts(made.json()["id"]) == [(None, False, words)] * 2
     fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
-    # It would start at once, and a further one when the turn of this one ends
-    until(lambda: start(made.json()["id"]) == (0.0, False, None))
-    seconds, is_bound, unknown = start(submitted(http, asked["spec"])["id"])
-    assert (seconds, is_bound, unknown) == (20.0, True, None)
+    # It would start at once, and a further one when the turn of this one ends. What was read of the
+    # queue is used for some seconds, so that one of two answers may know the worker already.
+    until(lambda: starts(made.json()["id"]) == [(0.0, False, None)] * 2)
+    assert starts(submitted(http, asked["spec"])["id"]) == [(20.0, True, None)] * 2
     (shown,) = http.get("/v1/workers").json()["workers"]
     assert {name: shown[name] for name in fits} == fits
 
