@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from bench.allocating.recordings import Size
     from bench.allocating.ways import Way
     from bench.experiment.cases import Case
 
@@ -127,13 +128,13 @@ def measured(
     return found | oracles(truth, allowed)
 
 
-def live(case: Case, truth: Truth, pixels: int, out: Path) -> dict[str, dict[str, float]]:
+def live(case: Case, truth: Truth, size: Size, out: Path) -> dict[str, dict[str, float]]:
     """Return what a real job by zones spent and left, and what whole frames need for the same.
 
     The job's results are in the folder `out`; it is rendered if there is none.
     """
     if not out.exists():
-        film = {"width": pixels, "height": pixels, "intensity": f"{case.intensity:g}"}
+        film = {"width": size.width, "height": size.height, "intensity": f"{case.intensity:g}"}
         options = {"--allocation": "zones", "--max-spp": 50_000}
         render(scenes.FOLDER / case.family, out, parameters=film, options=options)
     spp = decode_layers((out / "image.exr").read_bytes())["spp"]

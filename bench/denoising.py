@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from bench.allocating.recordings import Size
     from bench.experiment.cases import Case
     from plateau.metric import Image
 
@@ -110,11 +111,11 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "denoising.md", tables(report))
 
 
-def guides_of(case: Case, pixels: int, data: Path) -> NDArray[np.float32]:
+def guides_of(case: Case, size: Size, data: Path) -> NDArray[np.float32]:
     """Return albedo and normals of a scene, (2, H, W, 3)."""
-    file = data / f"{case.slug}-{pixels}.guides.npy"
+    file = data / f"{case.slug}-{size}.guides.npy"
     if not file.exists():
-        command = [case.family, str(pixels), str(file)]
+        command = [case.family, *map(str, (*size, file))]
         module = [sys.executable, "-m", "bench.allocating.guides"]
         subprocess.run([*module, *command], check=True, cwd=ROOT)
     found: NDArray[np.float32] = np.load(file)

@@ -14,7 +14,7 @@ SPP = 64
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name in ("family", "pixels"):
+    for name in ("family", "width", "height"):
         parser.add_argument(name)
     parser.add_argument("file", type=Path)
     asked = parser.parse_args()
@@ -22,7 +22,7 @@ def main() -> None:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    scene = load(mi, asked.family, width=asked.pixels, height=asked.pixels)
+    scene = load(mi, asked.family, width=asked.width, height=asked.height)
     guides = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
     image = np.array(mi.render(scene, spp=SPP, integrator=guides), np.float32)
     np.save(asked.file, np.stack([image[..., -6:-3], image[..., -3:]]))

@@ -1,6 +1,6 @@
 """Records slices of a scene, in a process of its own for Mitsuba.
 
-A recording is a file of (slices, pixels, pixels, 3) float32, each slice a mean. A recording that
+A recording is a file of (slices, height, width, 3) float32, each slice a mean. A recording that
 ends early is continued.
 """
 
@@ -16,7 +16,7 @@ from bench.allocating.recordings import load
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name in ("family", "intensity", "pixels"):
+    for name in ("family", "intensity", "width", "height"):
         parser.add_argument(name)
     for name in ("slices", "spp", "seed"):
         parser.add_argument(name, type=int)
@@ -29,11 +29,11 @@ def main() -> None:
     scene = load(
         mi,
         asked.family,
-        width=asked.pixels,
-        height=asked.pixels,
+        width=asked.width,
+        height=asked.height,
         intensity=asked.intensity,
     )
-    size = int(asked.pixels) ** 2 * 3 * 4
+    size = int(asked.width) * int(asked.height) * 3 * 4
     done = asked.file.stat().st_size // size if asked.file.exists() else 0
     with asked.file.open("ab") as file:
         file.truncate(done * size)
