@@ -64,7 +64,7 @@ def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
     limits = {
         "PLATEAU_CHILD_MEMORY_GB": "1",
         "PLATEAU_PASS_TIMEOUT_S": "5",
-        "PLATEAU_LOAD_TIMEOUT_S": "20",
+        "PLATEAU_LOAD_TIMEOUT_S": "60",
     }
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
         farm.start("monitor")
