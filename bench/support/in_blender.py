@@ -3,7 +3,7 @@
 - ``make NAME PATH SIZE``: write the scene of this name, square and of so many pixels a side.
 - ``reference BLEND EXR SPP``: render so many samples of a sequence that no job has.
 - ``alone BLEND EXR``: render by Cycles' own adaptive sampling and denoiser.
-- ``slices BLEND SPP SLICE_SPP…``: render as slices of some sizes, and the same samples at once.
+- ``slices BLEND SPP TURNS SLICE_SPP…``: render as slices of some sizes, and the same at once.
 
 The last two print JSON, with the processor's seconds.
 """
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 #: Cycles' defaults.
 _THRESHOLD, _MOST_SPP = 0.01, 4096
 _REFERENCE_SEQUENCE: Final = 4000
-_TURNS: Final = 3
 
 
 def _empty() -> Any:
@@ -141,7 +140,7 @@ def alone(blend: str, exr: str) -> None:
     print(json.dumps({"spp": share * _MOST_SPP, "processor_s": took_s}))
 
 
-def slices(blend: str, spp: str, *sizes: str) -> None:
+def slices(blend: str, spp: str, turns: str, *sizes: str) -> None:
     """Tell what slices cost, and what the same samples do at once: the least of some turns."""
     renderer = _loaded(blend)
     one = renderer._one
@@ -160,7 +159,7 @@ def slices(blend: str, spp: str, *sizes: str) -> None:
         **{size: partial(sliced, int(size)) for size in sizes},
     }
     took = dict.fromkeys(ways, float("inf"))
-    for _ in range(_TURNS):
+    for _ in range(int(turns)):
         for way, work in ways.items():
             before = _processor_s()
             work()
