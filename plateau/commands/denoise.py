@@ -22,7 +22,7 @@ from plateau.metric import (
 )
 from plateau.service.judging.denoised import Denoised, DenoisingTask, guides_in, layers_of
 from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.child import denoised
+from plateau.service.monitor.denoising.child import Denoiser
 
 
 def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) -> None:
@@ -49,7 +49,7 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     mean = _mean(read).mean
     each = [guides_in(layers) for _, layers in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
-    found = denoised(DenoisingTask(mean, halves, guides, shown))
+    found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
     _write(out, found, mean)
     left = _noise_left(found, shown)
     if as_json:

@@ -9,7 +9,7 @@ from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
 from plateau.service.monitor.denoising import oidn
 from plateau.service.monitor.denoising.process import Denoising, TooLarge
-from plateau.service.monitor.helper_process import NoAnswer
+from plateau.service.monitor.helper.process import NoAnswer
 from plateau.service.monitor.known import Known
 
 _LOG = logging.getLogger(__name__)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -30,6 +31,14 @@ def version() -> str:
         raise ImportError(str(error)) from error
     found: str = mitsuba_oidn.oidn_version()
     return found
+
+
+@cache
+def _cpu() -> Any:
+    """Return the CPU. Unless asked, the library takes a GPU where there is one: other bits."""
+    import mitsuba_oidn as oidn
+
+    return oidn.Device(oidn.DeviceType.CPU)
 
 
 def denoiser(guides: Sequence[Image], view: View, gain: float = 1.0) -> tuple[Denoise, str]:
@@ -60,6 +69,7 @@ def denoiser(guides: Sequence[Image], view: View, gain: float = 1.0) -> tuple[De
             hdr=True,
             clean_aux=bool(guides),
             input_scale=scale,
+            device=_cpu(),
             **auxiliary,
         )
         return np.array(found, np.float32)

@@ -1,13 +1,13 @@
-"""The monitor's side of the process that denoises: it starts one for each image, in turn."""
+"""The monitor's side of the process that denoises, one image after the other."""
 
-import io
 import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
 from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.monitor.denoising import child
-from plateau.service.monitor.helper_process import HelperProcess
+from plateau.service.monitor.helper.parts import write_part
+from plateau.service.monitor.helper.process import HelperProcess
 
 #: Seconds that an image may take for each pixel: some twenty times what two cores need.
 PIXEL_S: Final = 2e-4
@@ -29,7 +29,7 @@ class TooLarge(Exception):
 
 
 class Denoising:
-    """Denoises images one after the other, each in a process of its own."""
+    """Denoises images one after the other, in a process of its own."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="denoising")
@@ -72,8 +72,8 @@ class Denoising:
         self._thread.shutdown(cancel_futures=True)
 
     def _run(self, task: DenoisingTask) -> Denoised:
-        question = io.BytesIO()
-        child.write(question, task.arrays())
         limit_s = _START_S + PIXEL_S * task.image[..., 0].size
-        answer = self._process.ask(lambda stream: stream.write(question.getbuffer()), limit_s)
-        return Denoised.restored(child.read(io.BytesIO(answer)))
+        answer = self._process.ask(
+            lambda stream: write_part(stream, child.packed(task.arrays())), limit_s
+        )
+        return Denoised.restored(child.unpacked(answer))

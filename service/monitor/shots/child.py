@@ -1,15 +1,12 @@
 """The process that looks at a shot: its frames come on the standard input, its answer goes out.
 
 The input is a JSON document and then the sums of the frames, as checkpoints have them, in the order
-in which the eye sees them: first those that come before the first one. Each follows its length.
+in which the eye sees them: first those that come before the first one.
 """
 
 import json
-import os
-import struct
-import sys
 from collections.abc import Sequence
-from typing import IO, Any, Final
+from typing import IO, Any
 
 import numpy as np
 
@@ -22,17 +19,19 @@ from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
 from plateau.service.judging.checkpoints import unpacked_sums
 from plateau.service.judging.denoised import DenoisingTask
-from plateau.service.monitor.denoising.child import denoised
-
-#: Below the monitor, as a worker's renderer is.
-_NICENESS: Final = 10
-_LENGTH: Final = struct.Struct("<Q")
+from plateau.service.monitor.denoising.child import Denoiser, packed
+from plateau.service.monitor.helper.child import serve
+from plateau.service.monitor.helper.parts import read_part
 
 
 def main() -> None:
-    """Look at the shot on the standard input."""
-    os.nice(_NICENESS)
-    about = json.loads(_read_part(sys.stdin.buffer))
+    """Look at the shots on the standard input."""
+    serve(looked)
+
+
+def looked(stream: IO[bytes]) -> memoryview:
+    """Return what is seen of a shot."""
+    about = json.loads(read_part(stream))
     spec, spp = stored_spec(json.dumps(about["spec"])), about["spp"]
     shot = spec.shot
     assert shot is not None
@@ -40,7 +39,7 @@ def main() -> None:
     quality = shot_quality(
         ColorVideoVDP(display_of(view, about["width"])),
         shot.fps,
-        _Frames(sys.stdin.buffer, spec, view, about["slices"]),
+        _Frames(stream, spec, view, about["slices"]),
         view=view,
         heat=True,
     )
@@ -56,8 +55,7 @@ def main() -> None:
     if shot.target is not None:
         answer["needed"] = samples_needed(quality, shot.fps, shot.target, spp)
     assert quality.heat is not None
-    np.savez(sys.stdout.buffer, about=np.array(json.dumps(answer)), heat=quality.heat)
-    sys.stdout.buffer.flush()
+    return packed({"about": np.array(json.dumps(answer)), "heat": quality.heat})
 
 
 class _Frames(Sequence["NoiseModel | BlendError"]):
@@ -71,24 +69,13 @@ class _Frames(Sequence["NoiseModel | BlendError"]):
         return len(self._slices)
 
     def __getitem__(self, place: Any) -> Any:
-        merge, _ = unpacked_sums(_read_part(self._stream), self._slices[place], self._spec)
+        merge, _ = unpacked_sums(read_part(self._stream), self._slices[place], self._spec)
         if self._spec.is_denoised:
             task = DenoisingTask.of(merge, self._spec, is_point=False, is_draft=False)
-            return denoised(task).error
+            return Denoiser().denoised(task).error
         halves = merge.halves()
         assert halves is not None  # a frame of one slice is not looked at
         return noise_model(self._metric, merge.image(), (Half(*halves[0]), Half(*halves[1])))
-
-
-def write_part(stream: IO[bytes], content: bytes) -> None:
-    """Write a part of the input."""
-    stream.write(_LENGTH.pack(len(content)))
-    stream.write(content)
-
-
-def _read_part(stream: IO[bytes]) -> bytes:
-    (length,) = _LENGTH.unpack(stream.read(_LENGTH.size))
-    return stream.read(length)
 
 
 if __name__ == "__main__":

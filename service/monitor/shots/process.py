@@ -17,7 +17,8 @@ from plateau.farm.model.spec import JobSpec
 from plateau.metric.cvvdp import mirrored
 from plateau.service.judging.checkpoints import stored_sums
 from plateau.service.monitor.denoising.process import PIXEL_S
-from plateau.service.monitor.helper_process import HelperProcess
+from plateau.service.monitor.helper.parts import write_part
+from plateau.service.monitor.helper.process import HelperProcess
 from plateau.service.monitor.shots import child
 
 #: Seconds that a look may take, and how many more for each pixel of each frame: some twenty times
@@ -54,7 +55,7 @@ class Looked:
 
 
 class Looking:
-    """Looks at one shot at a time, each in a process of its own."""
+    """Looks at one shot at a time, in a process of its own."""
 
     def __init__(self, store: Blobs) -> None:
         self._blobs = store
@@ -92,10 +93,10 @@ class Looking:
             "spp": task.spp,
             "slices": [checkpoint.slices for checkpoint in task.checkpoints],
         }
-        child.write_part(stream, json.dumps(about).encode())
+        write_part(stream, json.dumps(about).encode())
         for place in places:
             try:
                 sums = stored_sums(self._blobs, task.checkpoints[place])
             except (FileNotFoundError, CorruptPartial) as error:
                 raise FrameLost(place, error) from error
-            child.write_part(stream, sums)
+            write_part(stream, sums)

@@ -21,7 +21,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.redis.commands.shots import Over
 from plateau.metric import SAMPLES_PALETTE, heat_map
-from plateau.service.monitor.helper_process import NoAnswer
+from plateau.service.monitor.helper.process import NoAnswer
 from plateau.service.monitor.shots.process import FrameLost, Looked, Looking, LookTask
 
 _LOG = logging.getLogger(__name__)

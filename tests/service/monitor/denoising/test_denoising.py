@@ -3,8 +3,10 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -17,7 +19,7 @@ from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.looks import next_look
 from plateau.farm.model.states import JobState
-from plateau.metric import Half, View, encode_srgb
+from plateau.metric import Denoise, Half, View, encode_srgb
 from plateau.service.judging.denoised import DenoisingTask
 from plateau.service.monitor.denoising import child, oidn, process
 from tests.service.api.routes.test_continue import go_on
@@ -273,7 +275,38 @@ def test_one_too_large_for_the_machine_fails_in_words(
 def test_an_image_may_be_as_small_as_can_be(size: tuple[int, int]) -> None:
     image = np.full((*size, 3), 0.5, np.float32)
     task = DenoisingTask(image, (Half(image, 1), Half(image, 1)), (image, image), View())
-    np.testing.assert_allclose(child.denoised(task).blend.image, image, atol=1e-3)
+    np.testing.assert_allclose(child.Denoiser().denoised(task).blend.image, image, atol=1e-3)
+
+
+def test_what_was_denoised_before_is_not_denoised_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Given a draft of an image, and another image before it
+    rng, runs = np.random.default_rng(1), []
+    images = 0.5 + 0.1 * rng.standard_normal((4, 16, 16, 3)).astype(np.float32)
+    draft, before = (
+        DenoisingTask((one + other) / 2, (Half(one, 1), Half(other, 1)), (), View(), is_draft=True)
+        for one, other in (images[:2], images[2:])
+    )
+    task = replace(draft, is_draft=False)
+    alone = child.Denoiser().denoised(task)
+    real = oidn.denoiser
+
+    def counted(*about: Any) -> tuple[Denoise, str]:
+        denoise, words = real(*about)
+        return lambda image: (runs.append(image), denoise(image))[1], words
+
+    monkeypatch.setattr(oidn, "denoiser", counted)
+    denoiser = child.Denoiser()
+    for one in (before, draft):
+        denoiser.denoised(one)
+    assert len(runs) == 4
+    # When the image itself is denoised, then its halves are known, and no bit is another
+    found = denoiser.denoised(task)
+    assert len(runs) == 5
+    for name, values in alone.arrays().items():
+        np.testing.assert_array_equal(found.arrays()[name], values)
+    # Whoever asks for it on another display has it anew
+    denoiser.denoised(replace(task, view=View(exposure_ev=1)))
+    assert len(runs) == 8
 
 
 def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:
