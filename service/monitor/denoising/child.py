@@ -6,7 +6,7 @@ from typing import IO
 
 import numpy as np
 
-from plateau.metric import Denoise, blend_error, blended
+from plateau.metric import blend_error, blended
 from plateau.metric.display import Image
 from plateau.service.judging.denoised import Arrays, Denoised, DenoisingTask
 from plateau.service.monitor.denoising import oidn
@@ -15,45 +15,37 @@ from plateau.service.monitor.helper.parts import read_part
 
 
 class Denoiser:
-    """Denoises one task after the other.
-
-    It keeps what became of the last one's images: a draft's halves come again with the image.
-    """
+    """Denoises one task after the other; the halves of a draft are known when its image comes."""
 
     def __init__(self) -> None:
-        self._last: dict[bytes, Image] = {}
+        self._draft: dict[bytes, Image] = {}  # what became of the last task's images, if it was one
 
     def denoised(self, task: DenoisingTask) -> Denoised:
         """Return the image of the task denoised, and its error."""
+        known = {} if task.is_draft else self._draft
+        self._draft = {}
         run, words = oidn.denoiser(task.guides, task.view, task.gain)
-        denoise, kept = self._remembered(run, repr((task.view, task.gain)), task.guides)
-        blend, error = blended(
-            task.image, task.halves, denoise, task.view, see=task.seen, is_draft=task.is_draft
-        )
-        others = task.others and blend_error(
-            blend, task.image, task.others, denoise, task.view, see=task.seen
-        )
-        self._last = kept
-        words += ", of halves" if task.is_draft else ""
-        return Denoised(blend, error, words, others, task.is_draft)
-
-    def _remembered(
-        self, run: Denoise, settings: str, guides: tuple[Image, ...]
-    ) -> tuple[Denoise, dict[bytes, Image]]:
-        """Return the denoiser, which runs only for what is new, and all that it returns."""
-        kept: dict[bytes, Image] = {}
-        about = sha256(settings.encode())
-        for guide in guides:
+        about = sha256(repr((task.view, task.gain)).encode())
+        for guide in task.guides:
             about.update(guide.tobytes())
 
         def denoise(image: Image) -> Image:
             name = about.copy()
             name.update(image.tobytes())
             key = name.digest()
-            kept[key] = self._last[key] if key in self._last else run(image)
-            return kept[key]
+            found = known[key] if key in known else run(image)
+            if task.is_draft:
+                self._draft[key] = found
+            return found
 
-        return denoise, kept
+        blend, error = blended(
+            task.image, task.halves, denoise, task.view, see=task.seen, is_draft=task.is_draft
+        )
+        others = task.others and blend_error(
+            blend, task.image, task.others, denoise, task.view, see=task.seen
+        )
+        words += ", of halves" if task.is_draft else ""
+        return Denoised(blend, error, words, others, task.is_draft)
 
 
 def packed(arrays: Arrays) -> memoryview:

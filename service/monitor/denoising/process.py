@@ -14,7 +14,7 @@ PIXEL_S: Final = 2e-4
 #: And those that it may take beside.
 _START_S: Final = 60.0
 #: Bytes of memory that the process takes, and those for each pixel.
-_MEMORY: Final = (7e7, 430.0)
+_MEMORY: Final = (7e7, 570.0)
 #: Those of the network for each pixel, and where it begins to denoise in tiles.
 _NETWORK: Final = (610.0, 2e9)
 
