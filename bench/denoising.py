@@ -28,12 +28,14 @@ from bench.allocating.denoising_tables import (
     RAW,
     RULES,
     TARGETS,
+    best_of,
     peers_of,
     tables,
     zones_of,
 )
 from bench.allocating.peers import PEERS, delivered
 from bench.allocating.recordings import HARD, SCENES, add_options, recorded
+from bench.allocating.true_risk import shares
 from bench.allocating.truth import wrong_share
 from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
@@ -211,6 +213,29 @@ def figures_by_zones(
     return [*found, figure("estimate / truth", ratios, "ratio")] if ratios else found
 
 
+def figures_at_best(
+    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
+) -> list[Figure]:
+    """Return what a blend would need whose risks are known in truth."""
+    metric = CompiledVisibleDifferences(View())
+    denoise, _ = oidn.denoiser(tuple(guides), metric.view)
+    rows = []
+    for run in range(runs):
+        order = np.random.default_rng(run).permutation(len(recording))
+        rows.append(
+            [
+                Point(spp=one.spp, wrong={RAW: one.raw, BLEND: one.blend}, seen={})
+                for one in shares(recording, slice_spp, order, denoise, metric)
+            ]
+        )
+    found = []
+    for target, kind in product(TARGETS, (RAW, BLEND)):
+        needed = [one for row in rows if (one := spp_at(row, kind, target)) is not None]
+        if len(needed) == runs:
+            found.append(figure(f"{kind}: spp at {target:.2%}", needed, "spp"))
+    return found
+
+
 def points(
     recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], run: int
 ) -> list[Point]:
@@ -337,6 +362,7 @@ PARTS: Final[dict[str, tuple[Callable[[str], str], Callable[..., list[Figure]]]]
     "frames": (str, figures),
     "zones": (zones_of, figures_by_zones),
     "peers": (peers_of, figures_of_peers),
+    "best": (best_of, figures_at_best),
 }
 
 if __name__ == "__main__":
