@@ -21,7 +21,9 @@ from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 
 SLICES = 12
-HALF = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n" + bytes(1000)
+#: Each connection has one answer: who sent a second request could meet its end.
+OK = b"HTTP/1.1 200 OK\r\nConnection: close\r\n"
+HALF = OK + b"Content-Length: 1000000\r\n\r\n" + bytes(1000)
 
 
 @pytest.fixture
@@ -157,9 +159,7 @@ def _always(answer: bytes) -> Iterator[str]:
 def test_a_file_that_was_changed_on_its_way_is_not_kept(tmp_path: Path) -> None:
     # Given a proxy that changes a byte of a file, which has its SHA-256 with it
     named = b64encode(sha256(b"a picture").digest())
-    head = (
-        b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\nRepr-Digest: unixsum=:AAA=:, sha-256=:%s:\r\n\r\n"
-    )
+    head = OK + b"Content-Length: 9\r\nRepr-Digest: unixsum=:AAA=:, sha-256=:%s:\r\n\r\n"
     with _always(head % named + b"a pictuce") as url, Client(url, patience_s=0) as plateau:
         with pytest.raises(Damaged, match=r"image.exr was damaged on its way here"):
             plateau.download("0123456789ab", "image.exr", tmp_path / "image.exr")
