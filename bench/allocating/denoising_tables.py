@@ -52,6 +52,11 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         more, less = found.get(one), found.get(other)
         return "–" if more is None or less is None else f"{more['value'] / less['value']:.2f}"
 
+    def fewer(scene: str, what: str, other: str, its: str) -> str:
+        """Both numbers, and how many times fewer the other one is."""
+        times = ratio(f"{scene}: {what}", f"{other}: {its}")
+        return f"{number(scene, what)} / {number(other, its)} = {times}"
+
     def spread(scene: str, what: str) -> str:
         one = found.get(f"{scene}: {what}")
         return "–" if one is None else markdown.spread(one, 2)
@@ -60,11 +65,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     needed = [
         [
             scene,
-            *(
-                f"{number(scene, f'{RAW}: {what}')} / {number(scene, f'{BLEND}: {what}')} "
-                f"= {ratio(f'{scene}: {RAW}: {what}', f'{scene}: {BLEND}: {what}')}"
-                for what in wanted
-            ),
+            *(fewer(scene, f"{RAW}: {what}", scene, f"{BLEND}: {what}") for what in wanted),
             *(number(scene, f"{kind}: {OWN}: wrong", ".3%") for kind in (RAW, BLEND)),
         ]
         for scene in names
@@ -115,11 +116,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     by_zones = [
         [
             name,
-            *(
-                f"{number(name, f'{RAW}: {what}')} / {number(zones_of(name), what)} = "
-                f"{ratio(f'{name}: {RAW}: {what}', f'{zones_of(name)}: {what}')}"
-                for what in wanted
-            ),
+            *(fewer(name, f"{RAW}: {what}", zones_of(name), what) for what in wanted),
             number(zones_of(name), f"{OWN}: wrong", ".3%"),
             number(zones_of(name), "looks"),
             spread(zones_of(name), "estimate / truth"),
@@ -131,9 +128,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         [
             name,
             *(
-                f"{number(best_of(name), f'{RAW}: {what}')} / "
-                f"{number(best_of(name), f'{BLEND}: {what}')} = "
-                f"{ratio(f'{best_of(name)}: {RAW}: {what}', f'{best_of(name)}: {BLEND}: {what}')}"
+                fewer(best_of(name), f"{RAW}: {what}", best_of(name), f"{BLEND}: {what}")
                 for what in wanted[:-1]
             ),
         ]

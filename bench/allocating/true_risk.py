@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bench.allocating.truth import wrong_share
+from bench.allocating.truth import quarters_noise, wrong_share
 from plateau.metric.denoise import smoothed
 
 if TYPE_CHECKING:
@@ -44,10 +44,7 @@ def shares(
         done, left = slices, len(recording) - slices
         image = _image(sums.sum(axis=0) / slices)
         reference, clean = _image((total - sums.sum(axis=0)) / left), denoise(image)
-        # The other halves have noise of their own, as the reference has.
-        first, second, third, fourth = sums / slices
-        own = _image(first - second + third - fourth)
-        noise = _image((first + second - third - fourth) * np.sqrt(slices / left))
+        own, noise = quarters_noise(4 * sums / slices, slices / left)
         variance = _energy(image, image - own) * np.float32(slices / left)  # of the reference
         risk, bias = (_pooled(_energy(each, reference) - variance) for each in (image, clean))
         weight = (risk / np.maximum(risk + bias, np.float32(1e-30)))[..., np.newaxis]

@@ -109,6 +109,22 @@ def crossing(falling: Callable[[float], float], value: float) -> float:
     return high
 
 
+def quarters_noise(quarters: Any, share: float) -> tuple[Image, Image]:
+    """Return noise as an image of four quarters has, and as its reference has.
+
+    Parameters
+    ----------
+    quarters
+        The means of each, (4, H, W, 3). The two noises are of other halves, so independent.
+    share
+        The image's samples over those of the reference.
+    """
+    first, second, third, fourth = quarters
+    own = (first + third - second - fourth) / 4
+    noise = np.sqrt(share) * (first + second - third - fourth) / 4
+    return own.astype(np.float32), noise.astype(np.float32)
+
+
 def wrong_share(
     metric: VisibleDifferences, reference: Image, noise: Image, image: Image, own: Image
 ) -> float:

@@ -1,17 +1,13 @@
 """The process that denoises: a task is one question, and the denoised image its answer."""
 
-import io
 from hashlib import sha256
 from typing import IO
 
-import numpy as np
-
-from plateau.metric import blend_error, blended
-from plateau.metric.display import Image
-from plateau.service.judging.denoised import Arrays, Denoised, DenoisingTask
+from plateau.metric import Image, blend_error, blended
+from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.monitor.denoising import oidn
 from plateau.service.monitor.helper.child import serve
-from plateau.service.monitor.helper.parts import read_part
+from plateau.service.monitor.helper.parts import packed, read_part, unpacked
 
 
 class Denoiser:
@@ -46,19 +42,6 @@ class Denoiser:
         )
         words += ", of halves" if task.is_draft else ""
         return Denoised(blend, error, words, others, task.is_draft)
-
-
-def packed(arrays: Arrays) -> memoryview:
-    """Return arrays as one ``.npz`` file."""
-    file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getbuffer()
-
-
-def unpacked(content: bytes) -> Arrays:
-    """Return what was `packed`."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from typing import Final
 
 from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.monitor.denoising import child
-from plateau.service.monitor.helper.parts import write_part
+from plateau.service.monitor.helper.parts import packed, unpacked, write_part
 from plateau.service.monitor.helper.process import HelperProcess
 
 #: Seconds that an image may take for each pixel: some twenty times what two cores need.
@@ -74,6 +74,6 @@ class Denoising:
     def _run(self, task: DenoisingTask) -> Denoised:
         limit_s = _START_S + PIXEL_S * task.image[..., 0].size
         answer = self._process.ask(
-            lambda stream: write_part(stream, child.packed(task.arrays())), limit_s
+            lambda stream: write_part(stream, packed(task.arrays())), limit_s
         )
-        return Denoised.restored(child.unpacked(answer))
+        return Denoised.restored(unpacked(answer))

@@ -13,7 +13,7 @@ from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.service.monitor.helper.parts import read_part
 
 #: Seconds for which a process waits for the next question: it has loaded by then what it needs.
-KEPT_S: Final = 30.0
+_KEPT_S: Final = 30.0
 
 
 class NoAnswer(Exception):
@@ -33,7 +33,7 @@ class HelperProcess:
         For how many seconds the process waits for the next question.
     """
 
-    def __init__(self, module: str, kept_s: float = KEPT_S) -> None:
+    def __init__(self, module: str, kept_s: float = _KEPT_S) -> None:
         self._module = module
         self._kept_s = kept_s
         self._lock = threading.Lock()  # around what follows
@@ -74,8 +74,7 @@ class HelperProcess:
                 raise NoAnswer("the monitor stops")
             self._ends_idle.cancel()
             if self._process is not None and not self._process.is_alive:
-                self._process.end()
-                self._process = None
+                self._end()
             self._process = self._process or _Process(self._module)
             self._is_asked = True
             return self._process
@@ -94,9 +93,12 @@ class HelperProcess:
         with self._lock:
             if not self._is_asked:
                 self._ends_idle.cancel()
-                if self._process is not None:
-                    self._process.end()
-                    self._process = None
+                self._end()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._process = None
 
 
 class _Process:

@@ -19,9 +19,9 @@ from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
 from plateau.service.judging.checkpoints import unpacked_sums
 from plateau.service.judging.denoised import DenoisingTask
-from plateau.service.monitor.denoising.child import Denoiser, packed
+from plateau.service.monitor.denoising.child import Denoiser
 from plateau.service.monitor.helper.child import serve
-from plateau.service.monitor.helper.parts import read_part
+from plateau.service.monitor.helper.parts import packed, read_part
 
 
 def main() -> None:

@@ -1,6 +1,5 @@
 """The monitor's side of the process that looks at a shot."""
 
-import io
 import json
 import time
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.metric.cvvdp import mirrored
 from plateau.service.judging.checkpoints import stored_sums
 from plateau.service.monitor.denoising.process import PIXEL_S
-from plateau.service.monitor.helper.parts import write_part
+from plateau.service.monitor.helper.parts import unpacked, write_part
 from plateau.service.monitor.helper.process import HelperProcess
 from plateau.service.monitor.shots import child
 
@@ -82,9 +81,9 @@ class Looking:
             pixel_s += PIXEL_S
         limit_s = first_s + pixel_s * task.width * task.height * len(places)
         answer = self._process.ask(partial(self._write, task, places), limit_s)
-        with np.load(io.BytesIO(answer), allow_pickle=False) as file:
-            about, heat = json.loads(str(file["about"])), file["heat"]
-        return Looked(about=about, heat=heat, seconds=time.monotonic() - started)
+        found = unpacked(answer)
+        about = json.loads(str(found["about"]))
+        return Looked(about=about, heat=found["heat"], seconds=time.monotonic() - started)
 
     def _write(self, task: LookTask, places: tuple[int, ...], stream: IO[bytes]) -> None:
         about = {
