@@ -1,8 +1,12 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults test-cluster test-blender test-blender-program soak check bench screenshots manual setup clean
+.PHONY: demo test test-rare test-long test-stress test-faults test-cluster test-blender test-blender-program soak check bench screenshots manual setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
+
+# The tests that need no cluster and no Blender, files side by side.
+SUITE := --ignore tests/cluster --ignore tests/blender --ignore tests/soak/test_soak.py \
+  -n auto --dist loadfile --no-loadscope-reorder
 
 help:  ## Show this list
 	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -14,8 +18,7 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender --ignore tests/soak/test_soak.py \
-	  -n auto --dist loadfile --no-loadscope-reorder --durations 20
+	$(BIN)/python -m pytest $(SUITE) --durations 20
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
 	bash tests/cluster/install.sh $(PARTS)
@@ -23,12 +26,18 @@ test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (
 	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10 \
 	  $(if $(filter short,$(CLUSTER_TESTS)),-n auto --dist loadfile --no-loadscope-reorder)
 
-test-long: setup  ## The long forms of the statistical tests
-	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
+test-rare: setup  ## What is rare and dear: whole benches, wheel environments, long statistics; CI runs it too
+	$(BIN)/python -m pytest $(SUITE) -m long --durations 10
+
+test-long: test-rare  ## The same, and then the long forms of the statistical tests
+	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical -m ""
+
+test-stress: setup  ## The suite again and again, quiet and busy: which tests fail, how often; RUNS=20 LOAD=4
+	$(BIN)/python -m tests.stress --runs $(or $(RUNS),20) --load $(or $(LOAD),4)
 
 test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
-	  $(BIN)/python -m pytest -s tests/faults tests/farm/bundle/test_bundle_fuzz.py \
+	  $(BIN)/python -m pytest -s -m "" tests/faults tests/farm/bundle/test_bundle_fuzz.py \
 	  tests/service/api/submission/test_hostile_uploads.py tests/service/api/test_api_fuzz.py
 
 soak: setup  ## A farm in use and under faults for two hours: nothing lost, nothing grows; SOAK_MINUTES=30 SOAK_SEED=7

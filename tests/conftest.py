@@ -2,6 +2,7 @@
 
 import logging
 import os
+import random
 import signal
 import sys
 from collections import Counter
@@ -24,6 +25,10 @@ sys.modules.update(dict.fromkeys(("farm", "metric", "scenes", "service", "study"
 
 #: Folders whose files take long: one that began last would end minutes after all others.
 _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--file-order", type=int, metavar="SEED", help="shuffle the files of tests")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -55,9 +60,16 @@ def pytest_configure(config: pytest.Config) -> None:
     config.add_cleanup(stack.close)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put long tests first; let each have a name of its own: of two ``-n`` would run but one."""
-    items.sort(key=_turn)
+    seed: int | None = config.getoption("--file-order")
+    if seed is None:
+        items.sort(key=_turn)
+    else:
+        files = sorted({item.path for item in items})
+        random.Random(seed).shuffle(files)
+        place = {file: index for index, file in enumerate(files)}
+        items.sort(key=lambda item: place[item.path])
     twice = [name for name, count in Counter(item.nodeid for item in items).items() if count > 1]
     if twice:
         raise pytest.UsageError(f"tests that share a name: {twice}")
@@ -98,7 +110,11 @@ def _python_writes_nothing_to_redis() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:
+    """One server for all tests of a process. Those of durability start their own, which syncs."""
     server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))
+    client = connect(server.url)
+    client.config_set("appendfsync", "no")
+    client.close()
     yield server
     server.stop()
 

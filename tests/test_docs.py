@@ -11,16 +11,8 @@ from typer.testing import CliRunner
 from plateau.cli import app
 from plateau.farm.process.settings import Settings
 from plateau.service.api.problems.problem import TYPES, ProblemType
-from plateau.service.api.routes.batches import router as batches_router
-from plateau.service.api.routes.farm import router as farm_router
-from plateau.service.api.routes.images import router as images_router
-from plateau.service.api.routes.jobs import router as jobs_router
-from plateau.service.api.routes.report import router as report_router
-from plateau.service.api.routes.results import router as results_router
-from plateau.service.api.routes.scenes import router as scenes_router
-from plateau.service.api.routes.webhooks import router as webhooks_router
-from plateau.study.routes import router as studies_router
 from tests import cli_manual, man_page
+from tests.support.api_document import api_document
 
 ROOT = Path(__file__).parents[1]
 
@@ -36,20 +28,7 @@ def test_the_manual_has_every_command_and_option() -> None:
 
 
 ROUTES = [
-    (method, route.path)
-    for router in (
-        jobs_router,
-        batches_router,
-        results_router,
-        images_router,
-        report_router,
-        scenes_router,
-        studies_router,
-        webhooks_router,
-        farm_router,
-    )
-    for route in router.routes
-    for method in route.methods  # type: ignore[attr-defined]
+    (method.upper(), path) for path, calls in api_document()["paths"].items() for method in calls
 ]
 
 
@@ -65,8 +44,9 @@ def test_every_problem_is_in_the_docs(problem: ProblemType) -> None:
 
 
 def page() -> str:
-    scripts = (ROOT / "service" / "page").glob("*.js")
-    return "\n".join(script.read_text() for script in scripts)
+    scripts = sorted((ROOT / "service" / "page").rglob("*.js"))
+    ours = [script for script in scripts if "vendor" not in script.parts]
+    return "\n".join(script.read_text() for script in ours)
 
 
 def help_of_all_commands() -> str:

@@ -4,6 +4,7 @@ That script looks at the layout first (`plateau.farm.redis.scripts`). A write by
 would pass by that, also in a process that a newer Plateau has shut out.
 """
 
+import functools
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,6 +40,7 @@ RUNS_SCRIPTS: Final = {
 found: Final[list[str]] = []
 
 
+@functools.cache
 def module_of(file: str) -> str | None:
     """The path of a module of Plateau's within the repository; None of any other."""
     path = Path(file).resolve()  # plateau/farm is a link to farm

@@ -1,0 +1,131 @@
+"""Run the suite again and again, quiet and busy, and say which tests failed how often.
+
+``make test-stress RUNS=20`` runs `make test`'s tests so many times. Every second run has busy
+neighbours: as many processes as ``--load`` says keep the cores at work, and in the last of these
+runs one more keeps the disk at work. Half of the runs of each sort take the files of tests in
+random order. The table at the end is in Markdown.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+from xml.etree import ElementTree
+
+ROOT: Final = Path(__file__).parents[1]
+_SUITE: Final = (
+    *("--ignore", "tests/cluster", "--ignore", "tests/blender"),
+    *("--ignore", "tests/soak/test_soak.py"),
+    *("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", "-q"),
+)
+_BUSY: Final = "while True: pass"
+_BUSY_DISK: Final = """
+import os, sys
+while True:
+    with open(sys.argv[1], "wb") as file:
+        for _ in range(64):
+            file.write(bytes(1 << 20))
+        os.fsync(file.fileno())
+"""
+
+
+class Run(NamedTuple):
+    """One run of the suite: what was beside it, how long it took, and what failed."""
+
+    load: int
+    disk: bool
+    order: int | None
+    minutes: float
+    ended: int
+    failed: list[str]
+
+
+def plan(runs: int, load: int) -> list[tuple[int, bool, int | None]]:
+    """For each run how many busy processes, whether a busy disk, and the seed of the order."""
+    last_busy = max((run for run in range(runs) if run % 2), default=-1)
+    return [
+        (load if run % 2 else 0, run == last_busy, run + 1 if run // 2 % 2 else None)
+        for run in range(runs)
+    ]
+
+
+def failures(report: Path) -> list[str]:
+    """Name the tests that a report in JUnit's format says failed, at any of their stages."""
+    cases = ElementTree.parse(report).iter("testcase")
+    return [
+        f"{case.get('classname')}::{case.get('name')}"
+        for case in cases
+        if case.find("failure") is not None or case.find("error") is not None
+    ]
+
+
+@contextmanager
+def neighbours(load: int, disk: bool) -> Iterator[None]:
+    """Keep this machine busy meanwhile."""
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="stress-"))
+        commands = [[sys.executable, "-c", _BUSY]] * load
+        if disk:
+            commands.append([sys.executable, "-c", _BUSY_DISK, f"{folder}/busy"])
+        for command in commands:
+            process = subprocess.Popen(command)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        yield
+
+
+def run_suite(load: int, disk: bool, order: int | None, arguments: list[str]) -> Run:
+    """Run the suite once, with its output in this terminal."""
+    with tempfile.TemporaryDirectory(prefix="stress-") as folder, neighbours(load, disk):
+        report = Path(folder) / "report.xml"
+        command = [sys.executable, "-m", "pytest", *_SUITE, "--junitxml", str(report), *arguments]
+        if order is not None:
+            command += ["--file-order", str(order)]
+        start = time.monotonic()
+        ended = subprocess.run(command, cwd=ROOT, check=False).returncode
+        minutes = (time.monotonic() - start) / 60
+        return Run(load, disk, order, minutes, ended, failures(report) if report.exists() else [])
+
+
+def table(runs: list[Run]) -> str:
+    """Give a row for each run, and one for each test that failed."""
+    lines = ["| run | busy processes | busy disk | file order | minutes | failed |"]
+    lines.append("|---|---|---|---|---|---|")
+    for number, run in enumerate(runs, 1):
+        order = "usual" if run.order is None else f"random, seed {run.order}"
+        failed = str(len(run.failed)) if run.ended in (0, 1) else f"pytest exited with {run.ended}"
+        disk = "yes" if run.disk else "no"
+        lines.append(f"| {number} | {run.load} | {disk} | {order} | {run.minutes:.1f} | {failed} |")
+    counts = Counter(name for run in runs for name in run.failed)
+    lines += [f"\n{count} of {len(runs)}: {name}" for name, count in counts.most_common()]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run as the command line says; the exit status is 1 where a run was not green."""
+    parser = argparse.ArgumentParser(prog="python -m tests.stress", description=__doc__)
+    parser.add_argument("--runs", type=int, default=20, help="how often (20)")
+    parser.add_argument("--load", type=int, default=4, help="busy processes beside a busy run (4)")
+    parser.add_argument("arguments", nargs="*", help="for pytest, such as files; after --")
+    options = parser.parse_args()
+    os.environ.setdefault("CI", "true")  # where a test would be skipped elsewhere, it fails
+    runs: list[Run] = []
+    try:
+        for load, disk, order in plan(options.runs, options.load):
+            runs.append(run_suite(load, disk, order, options.arguments))
+            print(table(runs), flush=True)
+    except KeyboardInterrupt:
+        print(table(runs))
+        sys.exit(130)
+    sys.exit(any(run.ended for run in runs))
+
+
+if __name__ == "__main__":
+    main()
