@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 ROOT: Final = Path(__file__).parents[1]
 _SUITE: Final = (
@@ -58,7 +58,7 @@ def plan(runs: int, load: int) -> list[tuple[int, bool, int | None]]:
 
 def failures(report: Path) -> list[str]:
     """Name the tests that a report in JUnit's format says failed, at any of their stages."""
-    cases = ElementTree.parse(report).iter("testcase")
+    cases = ET.parse(report).iter("testcase")
     return [
         f"{case.get('classname')}::{case.get('name')}"
         for case in cases

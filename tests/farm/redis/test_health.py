@@ -12,6 +12,14 @@ from plateau.farm.redis.health import Finding, _encryption, examine
 PASSWORD = "of-a-test"
 
 
+@pytest.fixture(scope="module")
+def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:
+    """A server as a farm starts it, durable."""
+    server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))
+    yield server
+    server.stop()
+
+
 def findings(url: str) -> dict[str, Finding]:
     return {one.name: one for one in examine(url)}
 
