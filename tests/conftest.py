@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -56,6 +57,9 @@ def pytest_configure(config: pytest.Config) -> None:
     from tests.support.processes.own_processes import own_processes
 
     stack = ExitStack()
+    if number is None:  # the processes of ``-n`` inherit it
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tests-cache-"))
+        os.environ["TESTS_CACHE"] = folder
     stack.enter_context(own_processes())
     config.add_cleanup(stack.close)
 
@@ -135,9 +139,9 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache for whoever renders: what was found of this machine, and what Mitsuba compiled."""
-    return tmp_path_factory.mktemp("cache")
+def cache() -> Path:
+    """The run's cache, for whoever renders: what is known of this machine, and compiled kernels."""
+    return Path(os.environ["TESTS_CACHE"])
 
 
 @pytest.fixture

@@ -49,7 +49,7 @@ class Command:
                 env={
                     "PATH": os.environ["PATH"],
                     "PLATEAU_DATA": str(folder / "data"),
-                    "PLATEAU_CACHE": str(folder / "cache"),
+                    "PLATEAU_CACHE": os.environ["TESTS_CACHE"],
                     "TMPDIR": str(self.temporary),
                     **environment,
                 },
