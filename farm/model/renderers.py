@@ -56,7 +56,8 @@ class VariantFacts:
     seeds: Literal["distinct", "scalar", "sequences"] = "distinct"
     renders_in_parts: bool = True  #: pass by parts, so that a pass may have any number of samples
     renders_zones: bool = True  #: parts of a film, as jobs that are allocated by zones need them
-    on_gpu: bool = False  #: whether it renders on a GPU, whose driver a confined child cannot use
+    on_gpu: bool = False  #: whether it renders on a GPU
+    is_confined: bool = True  #: whether its render child is; not where nobody has tried it
     works_everywhere: bool = False  #: wherever its renderer can be loaded: it needs no library
     package: str = ""  #: the Python package that has its renderer; "" for a part of Plateau
 
@@ -77,6 +78,7 @@ def _facts(shown: RenderVariant) -> VariantFacts:
             seeds="sequences",
             renders_zones=False,
             on_gpu=device != "cpu",
+            is_confined=device == "cpu",
             works_everywhere=device == "cpu",
             package="bpy",
         )

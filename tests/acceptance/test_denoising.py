@@ -1,6 +1,7 @@
 """A denoised image does not depend on who rendered it, nor on which monitor had it denoised."""
 
 import numpy as np
+import pytest
 
 from plateau.farm.images.exr import decode_layers
 from tests.acceptance.test_same_image import assert_same, kill_a_worker, kill_the_monitor, outcome
@@ -17,6 +18,7 @@ SPEC = {
 }
 
 
+@pytest.mark.long
 def test_workers_and_monitors_that_come_and_go_make_the_same_image(farm: RealFarm) -> None:
     # Given what one worker and one monitor make
     farm.start("monitor")

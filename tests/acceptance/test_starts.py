@@ -27,6 +27,7 @@ def farm(tmp_path: Path, cache: Path) -> Iterator[RealFarm]:
         yield farm
 
 
+@pytest.mark.long
 def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFarm) -> None:
     farm.start("monitor")
     farm.workers(1)

@@ -191,6 +191,7 @@ def test_one_line_installs_the_command_with_its_manual(
     assert "complete -o default -F" in script.stdout, script.stderr
 
 
+@pytest.mark.long
 def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     install: Callable[[str], Path], run: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:

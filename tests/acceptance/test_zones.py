@@ -30,7 +30,7 @@ def box_with(rfilter: str, folder: Path) -> Path:
     return scene.parent
 
 
-@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
+@pytest.mark.parametrize("rfilter", ["box", pytest.param("gaussian", marks=pytest.mark.long)])
 def test_workers_that_come_and_go_make_the_same_image(
     farm: RealFarm, tmp_path: Path, rfilter: str
 ) -> None:

@@ -25,6 +25,7 @@ PLAN = Plan(
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_each_kind_of_request_is_made_in_each_phase() -> None:
     found = measure(PLAN)
     # Every request was answered, each as often as planned

@@ -15,6 +15,7 @@ from bench.support.report import machine
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_workers_and_jobs_are_simulated_under_each_load(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

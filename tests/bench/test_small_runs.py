@@ -31,6 +31,7 @@ def paper_box(data: Path, results: Path) -> Measured:
     return measured
 
 
+@pytest.mark.long
 class TestThePaper:
     def test_holds_every_image_against_a_reference_of_other_samples(
         self, paper_box: Measured

@@ -16,6 +16,7 @@ def report(figures: list[Figure], settings: dict[str, object]) -> dict[str, obje
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_starts_are_compared_with_mitsuba_alone() -> None:
     found = startup.measure(startup.Plan(pairs=1, helps=1, size=16, variant="scalar_rgb"))
     # The default rule needs two points to stop
@@ -52,6 +53,7 @@ def test_a_job_is_seen_judged_and_left_alone() -> None:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_each_process_is_asked_for_its_memory() -> None:
     plan = memory.Plan(sizes={"tiny": (32, 24)}, many={"tiny": 3}, threads=1, variant="scalar_rgb")
     found = memory.measure(plan)

@@ -84,6 +84,7 @@ def test_the_bare_renderers_calls_are_timed_by_their_size() -> None:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
     case = _case(32, 24)
     effort = farm.Effort(pairs=1, seconds=0.1, step=50, rounds=1, samples=2**16, turn_s=0.05)

@@ -66,6 +66,7 @@ def test_a_copy_made_at_rest_has_everything(up: Up, tmp_path: Path) -> None:
         assert len({decode_png(one).colour.tobytes() for one in pictures}) == 1
 
 
+@pytest.mark.long
 def test_a_copy_made_at_work_has_everything(up: Up, tmp_path: Path) -> None:
     data, copy = tmp_path / "first", tmp_path / "second"
     # Given a service that has finished a job, and has another under way

@@ -98,7 +98,14 @@ POISONS = {
 }
 
 
-@pytest.mark.parametrize("poison", POISONS)
+#: Whose worker fills this machine's memory three times.
+_LONG = "it wants more memory than there is"
+
+
+@pytest.mark.parametrize(
+    "poison",
+    [pytest.param(name, marks=[pytest.mark.long] * (name == _LONG)) for name in POISONS],
+)
 def test_a_poisonous_scene(small_farm: FaultyFarm, tmp_path: Path, poison: str) -> None:
     scene, spec, words = POISONS[poison]
     files = {"wild_ply": WILD_MESH} if "wild.ply" in str(scene["body"]) else {}

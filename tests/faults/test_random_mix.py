@@ -22,6 +22,7 @@ JOBS = 3
 
 
 @pytest.mark.timeout(60 * MINUTES + 300)
+@pytest.mark.long
 def test_a_year_in_the_life_of_a_farm(
     tmp_path_factory: pytest.TempPathFactory, cache: Path, undisturbed: Outcome
 ) -> None:

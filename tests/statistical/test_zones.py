@@ -21,6 +21,7 @@ CASES = [(name, 64) for name in subjects()] if long_tests.WANTED else SHORT
 
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("name", "jobs"), CASES)
+@pytest.mark.long
 def test_jobs_by_zones_have_the_mean_of_whole_frames(tmp_path: Path, name: str, jobs: int) -> None:
     with ServiceFarm(tmp_path, jobs=0, threads=1, workers=2) as farm, Client(farm.url) as client:
         found = compared(client, subjects()[name], jobs, jobs)

@@ -8,6 +8,7 @@ import argparse
 import os
 from pathlib import Path
 
+from plateau.farm.model.renderers import variant_named
 from plateau.worker.child.shut_in import shut_in
 from plateau.worker.confinement.confine import limit_resources
 
@@ -25,7 +26,12 @@ def main() -> None:
     parser.add_argument("--scenes", type=Path, action="append", default=[])
     parser.add_argument("--kernels", type=Path, required=True)
     arguments = parser.parse_args()
-    limit_resources(arguments.memory_bytes, arguments.open_files, arguments.file_bytes)
+    limit_resources(
+        arguments.memory_bytes,
+        arguments.open_files,
+        arguments.file_bytes,
+        on_gpu=variant_named(arguments.variant).on_gpu,
+    )
     os.chdir(os.environ["HOME"])  # until there is a scene, whose folder it works in
     stays_open = shut_in(
         arguments.variant,

@@ -14,13 +14,14 @@ def shut_in(variant: str, module: str, *, scenes: Iterable[Path], kernels: Path)
     Where a program brings the renderer, this process becomes it, and runs `module` from the start
     with the same arguments. Call this before other threads start, see `confine`.
     """
-    is_confined = not variant_named(variant).on_gpu
+    known = variant_named(variant)
+    is_confined = known.is_confined
     program = program_of(variant)
     if program is not None:
         if is_confined:
             confine_before(program, scenes=scenes, kernels=kernels)
         continue_in(variant, module)
     if not is_confined:
-        return ["CUDA's driver was never tried under the confinement"]
-    taken = confine(scenes=scenes, kernels=kernels)
+        return [f"{known.renderer} was never tried under it with {known.own_name}"]
+    taken = confine(scenes=scenes, kernels=kernels, on_gpu=known.on_gpu)
     return [f"{one.name}: {one.error}" for one in taken if one.error is not None]

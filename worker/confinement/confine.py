@@ -29,7 +29,7 @@ from typing import Final
 
 from plateau import farm
 from plateau.farm.process.lifecycle import limit, shut_memory
-from plateau.worker.confinement import landlock
+from plateau.worker.confinement import gpus, landlock
 from plateau.worker.confinement.capabilities import drop_capabilities
 from plateau.worker.confinement.seccomp import refuse_calls
 
@@ -47,23 +47,27 @@ _MACHINE: Final = (
 )
 
 
-def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None:
+def limit_resources(
+    memory_bytes: int, open_files: int, file_bytes: int, *, on_gpu: bool = False
+) -> None:
     """Bound what this process can use, from now on and for good.
 
     Parameters
     ----------
     memory_bytes : int
-        Address space; 0 for no limit (CUDA reserves far more than it uses).
+        Address space; 0 for no limit.
     open_files : int
         Files open at a time.
     file_bytes : int
         Size of any file that it writes; more fails with ``EFBIG``: Python ignores ``SIGXFSZ``.
+    on_gpu : bool
+        Bound its own data in place of its address space, of which CUDA reserves 300 GB.
     """
     limit(resource.RLIMIT_CORE, 0)
     limit(resource.RLIMIT_NOFILE, open_files)
     limit(resource.RLIMIT_FSIZE, file_bytes)
     if memory_bytes:
-        limit(resource.RLIMIT_AS, memory_bytes)
+        limit(resource.RLIMIT_DATA if on_gpu else resource.RLIMIT_AS, memory_bytes)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class Measure:
     error: str | None  #: why it could not be applied; None if it was
 
 
-def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
+def confine(*, scenes: Iterable[Path], kernels: Path, on_gpu: bool = False) -> tuple[Measure, ...]:
     """Confine this process, for good; return each measure, applied or not.
 
     Call it before other threads start: Landlock and capabilities hold for one thread each.
@@ -86,14 +90,17 @@ def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
         Folders in which scenes lie.
     kernels : Path
         The folder of the kernels that Dr.Jit has compiled; it has to exist.
+    on_gpu : bool
+        Whether it may use this machine's GPUs.
     """
+    devices = gpus.driver_files() if on_gpu else ()
     files = f"libraries, scenes by name and its kernels alone (Landlock, ABI {landlock.abi()})"
     calls = "no programs, processes, signals or sockets (seccomp)"
     return (
         _take("capabilities", "root's are gone", drop_capabilities),
         _take("memory", "other processes cannot look into it", shut_memory),
-        _take("files", files, lambda: landlock.restrict(_allowed(scenes, kernels))),
-        _take("system calls", calls, refuse_calls),
+        _take("files", files, lambda: landlock.restrict((*_allowed(scenes, kernels), *devices))),
+        _take("system calls", calls, lambda: refuse_calls(but_packets=on_gpu)),
     )
 
 

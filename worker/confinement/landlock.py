@@ -36,8 +36,9 @@ _READ_DIR: Final = 1 << 3
 _REMOVE_FILE: Final = 1 << 5
 _MAKE_REG: Final = 1 << 8
 _TRUNCATE: Final = 1 << 14
+_IOCTL_DEV: Final = 1 << 15
 #: What a rule on a file may name.
-_OF_FILES: Final = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE
+_OF_FILES: Final = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE | _IOCTL_DEV
 
 #: How many rights each ABI knows, from 1 on; later ones have those of the fifth.
 _RIGHTS: Final = (13, 14, 15, 15, 16)
@@ -52,6 +53,10 @@ READ: Final = _READ_FILE | _READ_DIR
 RUN: Final = READ | _EXECUTE
 #: The right to make, change, rename and remove files, but no folders.
 KEEP_FILES: Final = READ | _WRITE_FILE | _REMOVE_FILE | _MAKE_REG | _TRUNCATE
+#: The right to read and change files that are there.
+CHANGE: Final = READ | _WRITE_FILE | _TRUNCATE
+#: The right to open a device and to send it commands.
+USE_DEVICE: Final = _READ_FILE | _WRITE_FILE | _IOCTL_DEV
 
 
 def abi() -> int:
@@ -69,7 +74,8 @@ def restrict(allowed: Iterable[tuple[Path, int]]) -> None:
     Parameters
     ----------
     allowed : iterable of (Path, int)
-        Paths and rights: `OPEN`, `READ`, `RUN` or `KEEP_FILES`. Missing paths are left out.
+        Paths and rights: `OPEN`, `READ`, `RUN`, `KEEP_FILES`, `CHANGE` or `USE_DEVICE`. Missing
+        paths are left out.
 
     Raises
     ------

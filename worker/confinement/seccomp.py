@@ -28,14 +28,21 @@ _LOAD: Final = 0x20  # a word of `struct seccomp_data`, by its offset
 _JUMP_IF_EQUAL: Final = 0x15
 _JUMP_IF_AT_LEAST: Final = 0x35
 _JUMP_IF_ANY_BIT: Final = 0x45
+_AND: Final = 0x54
 _RETURN: Final = 0x06
 
 # `struct seccomp_data`: int nr; u32 arch; u64 instruction_pointer; u64 args[6]. Little-endian.
 _NUMBER: Final = 0
 _ARCHITECTURE: Final = 4
 _FIRST_ARGUMENT: Final = 16
+_SECOND_ARGUMENT: Final = 24
 
 _CLONE_THREAD: Final = 0x00010000
+
+# <sys/socket.h>
+_AF_UNIX: Final = 1
+_SOCK_SEQPACKET: Final = 5
+_KIND_OF_SOCKET: Final = 0xF  # flags stand above it
 
 
 @dataclass(frozen=True)
@@ -64,8 +71,7 @@ _REFUSED: Final = {
     "vfork": (58, 0),
     "execve": (59, 221),
     "execveat": (322, 281),
-    # sockets; io_uring could open them, too
-    "socket": (41, 198),
+    # sockets, of which `_SOCKET` is one more; io_uring could open them, too
     "socketpair": (53, 199),
     "io_uring_setup": (425, 425),
     # looking into other processes
@@ -130,6 +136,8 @@ _REFUSED: Final = {
     "removexattrat": (466, 466),
 }
 
+_SOCKET: Final = {"socket": (41, 198)}
+
 #: Calls that concern the process of their first argument: only 0 and its own id are allowed.
 _ABOUT_ITSELF_ALONE: Final = {
     "kill": (62, 129),
@@ -140,10 +148,16 @@ _ABOUT_ITSELF_ALONE: Final = {
 }
 
 
-def refuse_calls() -> None:
+def refuse_calls(*, but_packets: bool = False) -> None:
     """Refuse these calls to all threads of this process, for good.
 
     Open sockets and running threads are not affected, and new threads can start.
+
+    Parameters
+    ----------
+    but_packets : bool
+        Allow sockets of one sort: of packets within this machine (``AF_UNIX``, ``SOCK_SEQPACKET``).
+        They reach no server that listens for streams, as Redis, D-Bus and Docker do.
 
     Raises
     ------
@@ -154,7 +168,7 @@ def refuse_calls() -> None:
     if not sys.platform.startswith("linux") or machine is None or sys.maxsize < 2**32:
         where = f"{sys.platform} on {platform.machine()}"
         raise OSError(errno.ENOSYS, f"there is no filter for {where}")
-    program = b"".join(_program(machine))
+    program = b"".join(_program(machine, but_packets))
     code = ctypes.create_string_buffer(program, len(program))
     # struct sock_fprog: unsigned short len; struct sock_filter *filter
     header = struct.pack("@HP", len(program) // 8, ctypes.addressof(code))
@@ -165,7 +179,7 @@ def refuse_calls() -> None:
         raise OSError(errno.ESRCH, "seccomp: a thread cannot take the filter")
 
 
-def _program(machine: _Machine) -> Iterator[bytes]:
+def _program(machine: _Machine, but_packets: bool) -> Iterator[bytes]:
     """Yield the filter's instructions: `struct sock_filter` {u16 code; u8 jt, jf; u32 k}."""
     refuse = _instruction(_RETURN, _FAIL_WITH | errno.EPERM)
     allow = _instruction(_RETURN, _ALLOW)
@@ -180,6 +194,19 @@ def _program(machine: _Machine) -> Iterator[bytes]:
     for number in _numbers(_REFUSED, machine):
         yield _instruction(_JUMP_IF_EQUAL, number, over_unless=1)
         yield refuse
+    for number in _numbers(_SOCKET, machine):
+        if but_packets:
+            yield _instruction(_JUMP_IF_EQUAL, number, over_unless=7)
+            yield _instruction(_LOAD, _FIRST_ARGUMENT)
+            yield _instruction(_JUMP_IF_EQUAL, _AF_UNIX, over_unless=3)
+            yield _instruction(_LOAD, _SECOND_ARGUMENT)
+            yield _instruction(_AND, _KIND_OF_SOCKET)
+            yield _instruction(_JUMP_IF_EQUAL, _SOCK_SEQPACKET, over_if=1)
+            yield refuse
+            yield allow
+        else:
+            yield _instruction(_JUMP_IF_EQUAL, number, over_unless=1)
+            yield refuse
     for number in _numbers(_ABOUT_ITSELF_ALONE, machine):
         yield _instruction(_JUMP_IF_EQUAL, number, over_unless=5)
         yield _instruction(_LOAD, _FIRST_ARGUMENT)

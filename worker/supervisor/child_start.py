@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from plateau.farm.images.channels import MOST_VALUES
+from plateau.farm.model.renderers import variant_named
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
+from plateau.worker.supervisor import gpus
 
 #: The films of a slice: its first pass and its sum, in float32.
 _LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
@@ -52,6 +54,8 @@ def start(
     kernels = home / ".drjit"  # where Dr.Jit keeps them, and all that the child writes into
     kernels.mkdir(parents=True, exist_ok=True)
     environment = plain_environment()
+    if variant_named(variant).on_gpu:
+        environment |= gpus.environment()
     environment["HOME"] = str(home.absolute())
     environment["TMPDIR"] = str(kernels.absolute())
     if llvm_library is not None:

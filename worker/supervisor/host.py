@@ -127,7 +127,7 @@ class RenderHost:
         self._child_is_for = (variant, scenes)
         limits = ChildLimits(
             threads=self._threads,
-            memory_bytes=0 if variant_named(variant).on_gpu else self._memory_bytes(),
+            memory_bytes=self._memory_bytes() if variant_named(variant).is_confined else 0,
             load_timeout_s=self._settings.load_timeout_s,
             pass_timeout_s=self._settings.pass_timeout_s,
         )

@@ -31,7 +31,7 @@ from plateau.farm.model.renderers import (
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.farm.process.scratch import scratch
 from plateau.worker.renderers.program import program_of
-from plateau.worker.supervisor import identity, needed_libraries
+from plateau.worker.supervisor import gpus, identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
 #: The library of a driver without which no variant of Cycles can work, by the device's name.
@@ -154,6 +154,8 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
     Without a `library` Dr.Jit chooses the LLVM. The child is killed after `timeout_s` seconds.
     """
     environment = dict(os.environ)
+    if variant_named(variant).on_gpu:
+        environment |= gpus.environment()
     if library is not None:
         environment["DRJIT_LIBLLVM_PATH"] = library
     # A cached kernel of another LLVM would hide that this one cannot compile it.
@@ -193,7 +195,7 @@ def _before_the_probe() -> Callable[[], None]:
 
 def _candidates() -> list[tuple[str, str | None]]:
     """Return (variant, LLVM library) in the order of trial."""
-    cuda = [(CUDA, None)] if _has_cuda_driver() else []
+    cuda = [(CUDA, None)] if gpus.cuda_driver() is not None else []
     llvm = ((LLVM, str(path)) for path in llvm_libraries())
     return [*cuda, *llvm, (SCALAR, None), *((one, None) for one in _of_cycles())]
 
@@ -220,13 +222,6 @@ def _of_cycles() -> list[str]:
 
 def _is_of_mitsuba(one: Probe) -> bool:
     return variant_named(one.variant).renderer == MITSUBA
-
-
-def _has_cuda_driver() -> bool:
-    named = os.environ.get("DRJIT_LIBCUDA_PATH", "/usr/lib/wsl/lib/libcuda.so.1")
-    return Path(named).exists() or any(
-        name.startswith("libcuda.so") for name, _ in system_libraries()
-    )
 
 
 def _try(candidates: list[tuple[str, str | None]], every: bool) -> tuple[Probe, ...]:

@@ -87,6 +87,7 @@ def shown(visit: Visit, rendering: list[StagedJob], queued: list[str]) -> tuple[
     return page, looks
 
 
+@pytest.mark.long
 def test_only_rows_that_change_are_touched(
     shown: tuple[Page, Looks], rendering: list[StagedJob]
 ) -> None:
@@ -110,6 +111,7 @@ def test_only_rows_that_change_are_touched(
     assert len(page.evaluate("touched")) < 20 * len(going)
 
 
+@pytest.mark.long
 def test_rows_far_down_are_not_forgotten(
     shown: tuple[Page, Looks],
     farm: NoiseFarm,

@@ -72,6 +72,7 @@ def test_the_documented_notebook_shows_what_it_has_shown(execute: Execute, tmp_p
     assert (tmp_path / "box.exr").exists()
 
 
+@pytest.mark.long
 def test_the_stop_button_keeps_the_image_and_the_cell_can_run_again(execute: Execute) -> None:
     scene = {"analytic": 1, "width": 40, "height": 30, "light": "checks", "level": 0.2}
     source = (

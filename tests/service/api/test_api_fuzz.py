@@ -153,6 +153,7 @@ def test_no_request_breaks_the_api(
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
+@pytest.mark.long
 def test_nor_does_one_with_a_key(
     operation: str,
     locked_api: schemathesis.BaseSchema,

@@ -148,6 +148,7 @@ def _attacks(victims: dict[str, str]) -> dict[str, Callable[[], object]]:
         "connect": lambda: socket.socket().connect(("127.0.0.1", int(victims["port"]))),
         "send a datagram": lambda: socket.socket(type=socket.SOCK_DGRAM).close(),
         "connect to Redis": lambda: socket.socket(socket.AF_UNIX).connect(victims["redis"]),
+        "send packets": lambda: socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET).close(),
         "make a pair of sockets": lambda: [one.close() for one in socket.socketpair()],
         "io_uring": lambda: _call("io_uring_setup", 1, ctypes.create_string_buffer(120)),
         # powers
@@ -171,7 +172,7 @@ def _open(path: Path, flags: int = os.O_RDONLY) -> None:
     os.close(os.open(path, flags))
 
 
-def _main(victims: dict[str, str], user: int, *, confined: bool) -> None:
+def _main(victims: dict[str, str], user: int, how: str) -> None:
     from plateau.worker.confinement.confine import confine  # while it can be read
 
     if user != os.geteuid():
@@ -186,11 +187,11 @@ def _main(victims: dict[str, str], user: int, *, confined: bool) -> None:
         os.close(answers)
         os._exit(len(os.read(0, 1)))  # when the test has seen all
     os.dup2(answers, 1)
-    if confined:
+    if how != "free":
         scenes = Path(victims["scene"]).parents[1]
-        confine(scenes=[scenes], kernels=Path.home() / ".drjit")
+        confine(scenes=[scenes], kernels=Path.home() / ".drjit", on_gpu=how == "on a GPU")
     print(json.dumps(outcomes({**victims, "supervisor": str(neighbour)})))
 
 
 if __name__ == "__main__":
-    _main(json.loads(sys.argv[1]), int(sys.argv[2]), confined=sys.argv[3] == "confined")
+    _main(json.loads(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

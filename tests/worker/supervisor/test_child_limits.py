@@ -313,3 +313,19 @@ def test_a_machine_without_a_filter_is_told_of(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(platform, "machine", lambda: "riscv64")
     with pytest.raises(OSError, match="no filter for linux on riscv64"):
         refuse_calls()
+
+
+@pytest.mark.parametrize(("on_gpu", "limited"), [(False, "RLIMIT_AS"), (True, "RLIMIT_DATA")])
+def test_on_a_gpu_the_data_are_limited_and_not_the_addresses(on_gpu: bool, limited: str) -> None:
+    # CUDA reserves 300 GB of addresses, and starts with no limit below that
+    program = dedent(f"""
+        import resource
+        from plateau.worker.confinement.confine import limit_resources
+        limit_resources(2**32, 64, 2**20, on_gpu={on_gpu})
+        names = ("RLIMIT_AS", "RLIMIT_DATA")
+        print(*(one for one in names if resource.getrlimit(getattr(resource, one))[0] == 2**32))
+    """)
+    done = subprocess.run(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True
+    )
+    assert done.stdout.split() == [limited]

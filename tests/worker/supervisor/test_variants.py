@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from plateau.worker.supervisor import variants
+from plateau.worker.supervisor import gpus, variants
 from plateau.worker.supervisor.llvm_libraries import in_order_of_trial, version
 from plateau.worker.supervisor.variants import (
     CUDA,
@@ -158,7 +158,7 @@ class TestProbe:
 
 @pytest.fixture
 def no_driver(monkeypatch):
-    monkeypatch.setattr(variants, "_has_cuda_driver", lambda: False)
+    monkeypatch.setattr(gpus, "cuda_driver", lambda: None)
     monkeypatch.setattr(variants, "program_of", lambda _: None)
 
 
@@ -260,7 +260,7 @@ class TestMemory:
 
     def test_a_failure_of_the_moment_is_not_remembered(self, tmp_path, monkeypatch):
         # A GPU that is taken today may be free tomorrow.
-        monkeypatch.setattr(variants, "_has_cuda_driver", lambda: True)
+        monkeypatch.setattr(gpus, "cuda_driver", lambda: Path("/libcuda"))
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
         monkeypatch.setenv("DRJIT_LIBCUDA_PATH", "/nowhere/libcuda.so")
         choice = choose(tmp_path)
@@ -360,7 +360,7 @@ def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch
 def test_a_blender_program_that_renders_nothing_is_tried_and_not_offered(tmp_path, monkeypatch):
     # Given a program that is none: a script on the PATH
     put_on_path(tmp_path / "blender", "exit 0", monkeypatch)
-    monkeypatch.setattr(variants, "_has_cuda_driver", lambda: False)
+    monkeypatch.setattr(gpus, "cuda_driver", lambda: None)
     monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
     choice = choose(tmp_path / "cache")
     assert [(one.variant, one.ok) for one in choice.tried] == [

@@ -145,6 +145,7 @@ def test_the_noisy_frame_gets_samples_until_each_moment_is_good(
         check_job(farm.jobs, farm.store, farm.jobs._redis, frame)
 
 
+@pytest.mark.long
 def test_denoised_frames_are_judged_as_they_are_delivered(
     farm: ShotFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:

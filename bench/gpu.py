@@ -1,0 +1,254 @@
+"""A GPU's samples a second, by Mitsuba alone and by the farm's kernel: `make bench-gpu`.
+
+Mitsuba's own `render` gets the samples per pass that are fastest for it, the farm's pass kernel
+likewise; they alternate in one process, on one scene that is prepared once. Then `plateau render`
+renders the same scenes to 9.5 JOD, all in one: what a user waits for. With ``--rooms`` the zips of
+a folder are rendered too, such as Benedikt Bitterli's rooms ("Rendering Resources").
+
+It runs with any variant (``--variant llvm_ad_rgb``), and says which card it had. The report is
+written after each case, so that a run that is cut off leaves what it has measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import zipfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from bench import ROOT
+from bench.support.farms import plateau_render
+from bench.support.report import Figure, figure, write_report
+from plateau.worker.renderers.contract import Load
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
+
+SCENES: Final = ("box", "oculist")
+_NAME, _ALONE = "gpu", "Mitsuba's `render` in the same process, at its fastest samples per pass"
+_GOALS: Final = {"kernel": "at least 0.97", "judging": "at most a fifth"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is rendered, and how often."""
+
+    variant: str = "cuda_ad_rgb"
+    sizes: tuple[tuple[int, int], ...] = ((512, 512), (1920, 1080))
+    spp: tuple[int, ...] = (4, 16, 64, 256)  #: of a pass, to choose the fastest from
+    pairs: int = 5
+    rooms: Path | None = None
+    jod: float = 9.5
+    limit_s: int = 60  #: of a whole render: a room's target may be hours away
+    out: str = _NAME  #: the report's name
+
+
+SMALL: Final = Plan(sizes=((32, 32),), spp=(4, 8), pairs=2, jod=5.0, out="gpu-small")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--variant", default=Plan.variant)
+    parser.add_argument("--rooms", type=Path, help="a folder with zips of more scenes")
+    parser.add_argument("--limit", type=int, default=Plan.limit_s, help="of a whole render, in s")
+    parser.add_argument("--pairs", type=int, default=Plan.pairs)
+    parser.add_argument("--small", action="store_true", help="a dry run, of tiny images")
+    asked = parser.parse_args()
+    plan = replace(
+        SMALL if asked.small else Plan(pairs=asked.pairs, limit_s=asked.limit),
+        variant=asked.variant,
+        rooms=asked.rooms,
+    )
+    measure(plan, SCENES[:1] if asked.small else SCENES)
+
+
+def measure(plan: Plan, scenes: tuple[str, ...] = SCENES) -> dict[str, Any]:
+    """Measure all cases of a plan, and return the report.
+
+    Raises
+    ------
+    ImportError
+        This machine has no such variant; the message is Mitsuba's.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant(plan.variant)
+    mi.set_log_level(mi.LogLevel.Error)
+    dr.set_log_level(dr.LogLevel.Error)
+    notes = [
+        f"Each of {plan.pairs} runs of a case renders as many samples by both.",
+        "A whole render is `plateau render`, from the command to its results on the disk.",
+    ]
+    figures: list[Figure] = []
+    report: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, scene, entry in _scenes(plan, scenes, Path(folder)):
+            for width, height in plan.sizes:
+                case = f"{name}, {width}×{height}"
+                parameters = {"width": str(width), "height": str(height)}
+                load = Load(folder=str(scene), entry=entry, parameters=parameters)
+                try:
+                    figures += _rates(case, plan, load)
+                    figures += _whole(case, plan, scene, parameters, Path(folder) / "results")
+                except Exception as error:  # noqa: BLE001 - the others are measured nevertheless
+                    notes.append(f"{case}: {type(error).__name__}: {error}")
+                report = write_report(plan.out, figures, settings=_settings(plan), notes=notes)
+    return report
+
+
+def _scenes(plan: Plan, scenes: tuple[str, ...], folder: Path) -> Iterator[tuple[str, Path, str]]:
+    """Yield each scene's name, its folder and its main file."""
+    for name in scenes:
+        yield name.upper(), ROOT / "scenes" / name, "scene.xml"
+    for room in sorted(plan.rooms.glob("*.zip")) if plan.rooms else ():
+        zipfile.ZipFile(room).extractall(folder / room.stem)
+        (entry,) = (folder / room.stem).rglob("scene.xml")
+        yield room.stem, entry.parent, entry.name
+
+
+def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
+    """Yield the samples per second of both, and whether bits stay as they are."""
+    import drjit as dr
+
+    from plateau.worker.renderers.mitsuba.kernel import Kernel
+    from plateau.worker.renderers.mitsuba.scene_prep import prepare
+
+    before = memory_used()
+    began = time.monotonic()
+    one = prepare(plan.variant, load)
+    dr.sync_thread()
+    yield figure(f"{case}: scene loaded", [time.monotonic() - began], "s")
+    kernel = Kernel(one)
+
+    def alone(spp: int, seed: int) -> None:
+        _render(one, spp, seed)
+
+    def ours(spp: int, seed: int) -> NDArray[np.float32]:
+        (film,) = kernel.films([(spp, seed)], (), lambda: False)
+        return film
+
+    pixels = one.width * one.height
+    firsts = [_seconds(way, plan.spp[0], 1) for way in (alone, ours)]
+    best = [min(plan.spp, key=lambda spp: _per_sample(way, spp)) for way in (alone, ours)]
+    # As many samples of each. After the other's pass Dr.Jit records anew, so one is not counted.
+    most = max(best)
+    rates: tuple[list[float], list[float]] = ([], [])
+    for pair in range(plan.pairs):
+        for way, spp, found in zip((alone, ours), best, rates, strict=True):
+            way(spp, 999)
+            began = time.monotonic()
+            for number in range(most // spp):
+                way(spp, 1000 * pair + number)
+            found.append(most * pixels / (time.monotonic() - began) / 1e6)
+    names = ("Mitsuba alone", "the farm's kernel")
+    for name, spp, found, first in zip(names, best, rates, firsts, strict=True):
+        yield figure(f"{case}: {name}, passes of {spp} spp", found, "million samples/s")
+        yield figure(f"{case}: {name}, first pass, kernels compiled", [first], "s")
+    ratios = [mine / bare for bare, mine in zip(*rates, strict=True)]
+    yield figure(f"{case}: kernel", ratios, "ratio", compared_with=_ALONE, goal=_GOALS["kernel"])
+    yield figure(f"{case}: equal bits", [float(_has_equal_bits(kernel, ours, best[1]))], "of 1")
+    after = memory_used()
+    if before is not None and after is not None:
+        yield figure(f"{case}: memory of the card in use", [after], "MiB")
+
+
+def _render(one: PreparedScene, spp: int, seed: int) -> None:
+    import drjit as dr
+
+    one.integrator.render(one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True)
+    dr.sync_thread()
+
+
+def _seconds(way: Callable[[int, int], object], spp: int, seed: int) -> float:
+    began = time.monotonic()
+    way(spp, seed)
+    return time.monotonic() - began
+
+
+def _per_sample(way: Callable[[int, int], object], spp: int) -> float:
+    """Return the seconds of a sample in every pixel, once kernels and chunks have settled."""
+    for seed in range(2):
+        way(spp, seed)
+    return min(_seconds(way, spp, seed) for seed in range(2, 5)) / spp
+
+
+def _has_equal_bits(kernel: Any, ours: Callable[[int, int], NDArray[np.float32]], spp: int) -> bool:
+    """Render a pass twice, and in other chunks; return whether its bits stay as they are."""
+    films = [ours(spp, 7), ours(spp, 7)]
+    kernel._samples = 2**17
+    films.append(ours(spp, 7))
+    return len({hashlib.sha256(film.tobytes()).digest() for film in films}) == 1
+
+
+def _whole(
+    case: str, plan: Plan, scene: Path, parameters: dict[str, str], out: Path
+) -> Iterator[Figure]:
+    """Yield what `plateau render` takes to the target, and what its machine does meanwhile."""
+    shutil.rmtree(out, ignore_errors=True)
+    options = {
+        "--variant": plan.variant,
+        "--rule": f"jod:target={plan.jod}",
+        "--time-limit": plan.limit_s,
+    }
+    began = time.monotonic()
+    plateau_render.render(scene, out, parameters=parameters, options=options)
+    seconds = time.monotonic() - began
+    job = json.loads((out / "summary.json").read_text())
+    until = f"{plan.jod} JOD" if job["state"] == "converged" else f"its limit of {plan.limit_s} s"
+    yield figure(f"{case}: whole render to {until}", [seconds], "s")
+    yield figure(f"{case}: of it the job, from first slice to verdict", [job["wall_s"]], "s")
+    yield figure(f"{case}: of it rendering", [job["machine_s"]], "s")
+    yield figure(f"{case}: samples of the whole render", [job["spp"]], "spp")
+    idle = max(0.0, 1 - job["machine_s"] / job["wall_s"])
+    yield figure(
+        f"{case}: share of the job in which no slice rendered",
+        [idle],
+        "of its time",
+        goal=_GOALS["judging"],
+    )
+
+
+def memory_used() -> float | None:
+    """Return the memory in use of this machine's first NVIDIA card, in MiB; None without one."""
+    said = _nvidia_smi("memory.used")
+    return float(said.split()[0]) if said else None
+
+
+def _settings(plan: Plan) -> dict[str, Any]:
+    return {
+        "variant": plan.variant,
+        "card": _nvidia_smi("name"),
+        "driver": _nvidia_smi("driver_version"),
+        "pairs": plan.pairs,
+        "spp_of_a_pass": list(plan.spp),
+        "threads": len(os.sched_getaffinity(0)),
+        "target_jod": plan.jod,
+        "limit_s": plan.limit_s,
+    }
+
+
+def _nvidia_smi(what: str) -> str | None:
+    if shutil.which("nvidia-smi") is None:
+        return None
+    command = ["nvidia-smi", f"--query-gpu={what}", "--format=csv,noheader,nounits"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[0].strip() if done.returncode == 0 else None
+
+
+if __name__ == "__main__":
+    main()

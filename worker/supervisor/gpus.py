@@ -1,0 +1,42 @@
+"""The GPUs that a worker may use, and the driver by which Dr.Jit reaches them."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+from plateau.worker.supervisor.llvm_libraries import system_libraries
+
+#: Which GPUs a process sees, and where Dr.Jit finds the driver. Slurm, Kubernetes and people set
+#: them, and a render child keeps to them.
+_VARIABLES: Final = (
+    *("CUDA_VISIBLE_DEVICES", "CUDA_DEVICE_ORDER", "NVIDIA_VISIBLE_DEVICES"),
+    *("HIP_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "ZE_AFFINITY_MASK"),
+    *("DRJIT_LIBCUDA_PATH", "DRJIT_LIBOPTIX_PATH"),
+)
+#: Where the driver of Windows is below WSL.
+_WSL: Final = "/usr/lib/wsl/lib/libcuda.so.1"
+#: Where Dr.Jit looks by itself.
+_KNOWN_TO_DRJIT: Final = "/usr/lib/"
+
+
+def environment() -> dict[str, str]:
+    """Return the variables that decide on GPUs, for a process that renders.
+
+    Where only the dynamic linker knows the driver, one names it: Dr.Jit looks for it elsewhere.
+    """
+    given = {name: os.environ[name] for name in _VARIABLES if name in os.environ}
+    driver = cuda_driver()
+    if driver is not None and not str(driver).startswith(_KNOWN_TO_DRJIT):
+        given.setdefault("DRJIT_LIBCUDA_PATH", str(driver))
+    return given
+
+
+def cuda_driver() -> Path | None:
+    """Return the library of NVIDIA's driver; None where there is none."""
+    named = Path(os.environ.get("DRJIT_LIBCUDA_PATH", _WSL))
+    if named.exists():
+        return named
+    for name, path in system_libraries():
+        if name.startswith("libcuda.so"):
+            return Path(path)
+    return None
