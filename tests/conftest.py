@@ -57,9 +57,10 @@ def pytest_configure(config: pytest.Config) -> None:
     from tests.support.processes.own_processes import own_processes
 
     stack = ExitStack()
-    if number is None:  # the processes of ``-n`` inherit it
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tests-cache-"))
-        os.environ["TESTS_CACHE"] = folder
+    if number is None:  # commands share a cache, in all processes of ``-n``, which inherit it
+        # What was killed may still write into it at the end.
+        folder = tempfile.TemporaryDirectory(prefix="tests-cache-", ignore_cleanup_errors=True)
+        os.environ["TESTS_CACHE"] = stack.enter_context(folder)
     stack.enter_context(own_processes())
     config.add_cleanup(stack.close)
 
@@ -139,9 +140,9 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
 
 
 @pytest.fixture(scope="session")
-def cache() -> Path:
-    """The run's cache, for whoever renders: what is known of this machine, and compiled kernels."""
-    return Path(os.environ["TESTS_CACHE"])
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache for whoever renders: what was found of this machine, and what Mitsuba compiled."""
+    return tmp_path_factory.mktemp("cache")
 
 
 @pytest.fixture
