@@ -33,7 +33,7 @@ test-long: test-rare  ## The same, and then the long forms of the statistical te
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical -m ""
 
 test-stress: setup  ## The suite again and again, quiet and busy: which tests fail, how often; RUNS=20 LOAD=4
-	$(BIN)/python -m tests.stress --runs $(or $(RUNS),20) --load $(or $(LOAD),4)
+	$(BIN)/python -m tests.stress --runs $(or $(RUNS),20) --load $(or $(LOAD),4) -- $(SUITE)
 
 test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \

@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
-
 SCENES: Final = ("box", "oculist")
-_NAME, _ALONE = "gpu", "Mitsuba's `render` in the same process, at its fastest samples per pass"
+_ALONE: Final = "Mitsuba's `render` in the same process, at its fastest samples per pass"
 _GOALS: Final = {"kernel": "at least 0.97", "judging": "at most a fifth"}
 
 
@@ -54,7 +52,7 @@ class Plan:
     rooms: Path | None = None
     jod: float = 9.5
     limit_s: int = 60  #: of a whole render: a room's target may be hours away
-    out: str = _NAME  #: the report's name
+    out: str = "gpu"  #: the report's name
 
 
 SMALL: Final = Plan(sizes=((32, 32),), spp=(4, 8), pairs=2, jod=5.0, out="gpu-small")
@@ -128,7 +126,6 @@ def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
     from plateau.worker.renderers.mitsuba.kernel import Kernel
     from plateau.worker.renderers.mitsuba.scene_prep import prepare
 
-    before = memory_used()
     began = time.monotonic()
     one = prepare(plan.variant, load)
     dr.sync_thread()
@@ -136,7 +133,10 @@ def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
     kernel = Kernel(one)
 
     def alone(spp: int, seed: int) -> None:
-        _render(one, spp, seed)
+        one.integrator.render(
+            one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True
+        )
+        dr.sync_thread()
 
     def ours(spp: int, seed: int) -> NDArray[np.float32]:
         (film,) = kernel.films([(spp, seed)], (), lambda: False)
@@ -162,16 +162,9 @@ def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
     ratios = [mine / bare for bare, mine in zip(*rates, strict=True)]
     yield figure(f"{case}: kernel", ratios, "ratio", compared_with=_ALONE, goal=_GOALS["kernel"])
     yield figure(f"{case}: equal bits", [float(_has_equal_bits(kernel, ours, best[1]))], "of 1")
-    after = memory_used()
-    if before is not None and after is not None:
-        yield figure(f"{case}: memory of the card in use", [after], "MiB")
-
-
-def _render(one: PreparedScene, spp: int, seed: int) -> None:
-    import drjit as dr
-
-    one.integrator.render(one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True)
-    dr.sync_thread()
+    memory_mib = _nvidia_smi("memory.used")
+    if memory_mib is not None:
+        yield figure(f"{case}: memory of the card in use", [float(memory_mib)], "MiB")
 
 
 def _seconds(way: Callable[[int, int], object], spp: int, seed: int) -> float:
@@ -223,12 +216,6 @@ def _whole(
     )
 
 
-def memory_used() -> float | None:
-    """Return the memory in use of this machine's first NVIDIA card, in MiB; None without one."""
-    said = _nvidia_smi("memory.used")
-    return float(said.split()[0]) if said else None
-
-
 def _settings(plan: Plan) -> dict[str, Any]:
     return {
         "variant": plan.variant,
@@ -243,6 +230,7 @@ def _settings(plan: Plan) -> dict[str, Any]:
 
 
 def _nvidia_smi(what: str) -> str | None:
+    """Return what the driver says of this machine's first NVIDIA card; None without one."""
     if shutil.which("nvidia-smi") is None:
         return None
     command = ["nvidia-smi", f"--query-gpu={what}", "--format=csv,noheader,nounits"]

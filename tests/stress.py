@@ -20,11 +20,6 @@ from typing import Final, NamedTuple
 from xml.etree import ElementTree as ET
 
 ROOT: Final = Path(__file__).parents[1]
-_SUITE: Final = (
-    *("--ignore", "tests/cluster", "--ignore", "tests/blender"),
-    *("--ignore", "tests/soak/test_soak.py"),
-    *("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", "-q"),
-)
 _BUSY: Final = "while True: pass"
 _BUSY_DISK: Final = """
 import os, sys
@@ -85,7 +80,7 @@ def run_suite(load: int, disk: bool, order: int | None, arguments: list[str]) ->
     """Run the suite once, with its output in this terminal."""
     with tempfile.TemporaryDirectory(prefix="stress-") as folder, neighbours(load, disk):
         report = Path(folder) / "report.xml"
-        command = [sys.executable, "-m", "pytest", *_SUITE, "--junitxml", str(report), *arguments]
+        command = [sys.executable, "-m", "pytest", "-q", "--junitxml", str(report), *arguments]
         if order is not None:
             command += ["--file-order", str(order)]
         start = time.monotonic()
@@ -113,7 +108,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.stress", description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="how often (20)")
     parser.add_argument("--load", type=int, default=4, help="busy processes beside a busy run (4)")
-    parser.add_argument("arguments", nargs="*", help="for pytest, such as files; after --")
+    parser.add_argument("arguments", nargs="*", help="for pytest: which tests, and how; after --")
     options = parser.parse_args()
     os.environ.setdefault("CI", "true")  # where a test would be skipped elsewhere, it fails
     runs: list[Run] = []
