@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -62,18 +62,15 @@ def test_it_converges_below_the_cap(undisturbed: Outcome) -> None:
     assert all(point["estimate_pixels"] is not None for point in curve)
 
 
-@pytest.mark.parametrize("workers", [2, 3])
-def test_more_workers_make_the_same_image(
-    farm: RealFarm, undisturbed: Outcome, workers: int
-) -> None:
+def test_more_workers_make_the_same_image(farm: RealFarm, undisturbed: Outcome) -> None:
     farm.start("monitor")
-    farm.workers(workers)
-    until(lambda: len(farm.client.workers()) == workers)
+    farm.workers(3)
+    until(lambda: len(farm.client.workers()) == 3)
     job = farm.submit(**SPEC)
     assert_same(outcome(farm, job), undisturbed)
     # And all of them had a hand in it
     rendered_by = {part.worker for part in farm.client.slices(job.id)}
-    assert len(rendered_by) == workers
+    assert len(rendered_by) == 3
 
 
 def test_it_is_what_mitsuba_renders_in_one_process(undisturbed: Outcome, cache: Path) -> None:
@@ -132,6 +129,13 @@ def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> Non
     os.kill(zombie.pid, signal.SIGCONT)
 
 
+@pytest.fixture(scope="module")
+def victims(shared_farm: RealFarm) -> Iterator[Victims]:
+    """A monitor and two workers; in the place of one that dies comes another."""
+    yield {"monitor": [shared_farm.start("monitor")], "worker": shared_farm.workers(2)}
+    shared_farm.stop_all()
+
+
 @pytest.mark.parametrize(
     "fault",
     [
@@ -142,9 +146,9 @@ def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> Non
     ],
 )
 def test_a_death_in_the_middle_changes_nothing(
-    farm: RealFarm, undisturbed: Outcome, fault: Callable[..., None]
+    shared_farm: RealFarm, victims: Victims, undisturbed: Outcome, fault: Callable[..., None]
 ) -> None:
-    victims = {"monitor": [farm.start("monitor")], "worker": farm.workers(2)}
+    farm = shared_farm
     until(lambda: len(farm.client.workers()) == 2)
     job = farm.submit(**SPEC)
     # Given a job in the middle of its work, at no particular moment

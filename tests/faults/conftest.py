@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, outcome
 
 
@@ -18,6 +18,7 @@ def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterat
 @pytest.fixture
 def farm(shared_farm: FaultyFarm) -> Iterator[FaultyFarm]:
     """The shared farm, with nothing but its API running before and after."""
+    shared_farm.stop_all()  # what one file's tests have kept for each other
     yield shared_farm
     shared_farm.stop_all()
 
@@ -27,7 +28,7 @@ def undisturbed(shared_farm: FaultyFarm) -> Outcome:
     """What comes of the job where nothing happens."""
     shared_farm.start("monitor")
     shared_farm.start("worker")
-    job = shared_farm.submit(**BY_ZONES)
+    job = shared_farm.submit(**BRIEF)
     found = outcome(shared_farm, job.id)
     shared_farm.stop_all()
     assert found.job.state == "converged"
@@ -37,4 +38,4 @@ def undisturbed(shared_farm: FaultyFarm) -> Outcome:
 @pytest.fixture
 def submit(farm: FaultyFarm) -> Callable[[], str]:
     """Submits the job that `undisturbed` was, and returns its id."""
-    return lambda: farm.submit(**BY_ZONES).id
+    return lambda: farm.submit(**BRIEF).id

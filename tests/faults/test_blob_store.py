@@ -11,16 +11,15 @@ import pytest
 
 from plateau.farm.blobs import store as blobs
 from tests.support.farms.every_time import EVERY_TIME
-from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.long_tests import cases
-from tests.support.until import until
 
 Submit = Callable[[], str]
 
 #: Longer than a lease of these farms, which is 2 s.
-LONGER_THAN_A_LEASE_S = 4.0
+LONGER_THAN_A_LEASE_S = 3.0
 
 
 class SmallDisk:
@@ -81,8 +80,7 @@ def test_a_store_that_fails_for_longer_than_a_lease(
     heal: Callable[[SmallDisk], None],
 ) -> None:
     farm = small_disk.farm
-    job = farm.submit(**BY_ZONES).id
-    until(lambda: farm.jobs.get(job).points >= 3)
+    job = farm.submit_half_way(**BRIEF)
     try:
         fail(small_disk)
         time.sleep(LONGER_THAN_A_LEASE_S)

@@ -5,7 +5,7 @@ from pathlib import Path
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
-from tests.support.farms.faulty_farm import BY_ZONES
+from tests.support.farms.faulty_farm import BRIEF
 from tests.support.farms.real_farm import BOX
 from tests.support.faults.invariants import Outcome
 from tests.support.faults.loop_disk import LoopDisk
@@ -28,7 +28,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
         up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
         try:
             with Client(up.wait_for(READY)) as client:
-                job = client.submit(BOX, JobSpec.model_validate(BY_ZONES)).id
+                job = client.submit(BOX, JobSpec.model_validate(BRIEF)).id
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
                 ballast = disk.fill()

@@ -10,7 +10,7 @@ import pytest
 
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
-from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
@@ -60,15 +60,15 @@ def bundle(path: Path, body: str, *, size: int = 16, depth: int = 4, **files: by
 
 @pytest.fixture(scope="module")
 def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
-    """A farm of two workers whose children may take little."""
+    """A farm of two workers whose children may take little, and that tries a slice twice."""
     limits = {
         "PLATEAU_CHILD_MEMORY_GB": "1",
         "PLATEAU_PASS_TIMEOUT_S": "5",
         "PLATEAU_LOAD_TIMEOUT_S": "60",
     }
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
-        farm.start("monitor")
-        farm.workers(2)
+        for role in ("monitor", "worker", "worker"):
+            farm.start_changed(role, set={"plateau.farm.ledger.queue:MAX_TRIES": 2})
         farm.wait_for_workers(2)
         yield farm
 
@@ -111,7 +111,7 @@ def test_a_poisonous_scene(small_farm: FaultyFarm, tmp_path: Path, poison: str) 
     files = {"wild_ply": WILD_MESH} if "wild.ply" in str(scene["body"]) else {}
     path = bundle(tmp_path / "poison.zip", **scene, **files)  # type: ignore[arg-type]
     bad = small_farm.client.submit(path, JobSpec.model_validate({"priority": 1, **spec}))
-    good = small_farm.submit(**BY_ZONES)
+    good = small_farm.submit(**BRIEF)
     failed = ended(small_farm, bad)
     assert failed.state == "failed"
     assert re.search(words, failed.reason), failed.reason

@@ -37,7 +37,7 @@ from tests.support.processes.commands import Command
 from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
-SEEDS = range(20 if long_tests.WANTED else 2)
+SEEDS = range(20 if long_tests.WANTED else 1)
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 
 #: Puts blobs for ever, and says which were acknowledged; its second argument is a line of Python.
@@ -147,8 +147,9 @@ def _submit_until_the_power_goes(
             # Not in its folder where that has a long path, as it has here
             with connect(service.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
                 prepare(client)
-            switch = threading.Timer(rng.uniform(2, 4), _kill_at_once, (service,))
+            switch = threading.Timer(rng.uniform(0.5, 2), _kill_at_once, (service,))
             with Client(url, patience_s=0) as http:
+                acknowledged.append(http.submit(_scene(folder, 10_000)))
                 switch.start()
                 for number in range(10_000):
                     try:

@@ -12,7 +12,7 @@ import pytest
 from plateau.farm.sweep import sweep
 from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.faults.chaos import Chaos
-from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.faults.invariants import assert_same, outcome
 from tests.support.until import until
 
 SEED = int(os.environ.get("FAULT_SEED", "1"))
@@ -24,11 +24,16 @@ JOBS = 3
 @pytest.mark.timeout(60 * MINUTES + 300)
 @pytest.mark.long
 def test_a_year_in_the_life_of_a_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, undisturbed: Outcome
+    tmp_path_factory: pytest.TempPathFactory, cache: Path
 ) -> None:
     print(f"FAULT_SEED={SEED} FAULT_MINUTES={MINUTES:g}")
     limits = {"PLATEAU_PASS_TIMEOUT_S": "5", "PLATEAU_LOAD_TIMEOUT_S": "10"}
     with FaultyFarm(tmp_path_factory.mktemp("year"), cache, **limits) as farm:
+        # Given what comes of the job where nothing happens
+        farm.start("monitor")
+        farm.start("worker")
+        undisturbed = outcome(farm, farm.submit(**BY_ZONES).id)
+        farm.stop_all()
         started = time.monotonic()
 
         def tell(line: str) -> None:

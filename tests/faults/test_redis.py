@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis.link import connect
-from tests.support.farms.faulty_farm import FaultyFarm
+from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.long_tests import cases
@@ -17,39 +18,52 @@ from tests.support.until import until
 Submit = Callable[[], str]
 
 #: A lease of these farms lasts 2 s.
-LONGER_THAN_A_LEASE_S = 5.0
-
-
-def half_way(farm: FaultyFarm, job: str) -> None:
-    """Wait until the job is in the middle of its work."""
-    until(lambda: farm.jobs.get(job).points >= 3)
-    assert not farm.jobs.get(job).state.ended
+LONGER_THAN_A_LEASE_S = 3.0
 
 
 def troubles(farm: FaultyFarm, job: str) -> list[object]:
     return [one.data["cause"] for one in farm.jobs.events(job) if one.type == "trouble"]
 
 
-@pytest.fixture
-def proxy(farm: FaultyFarm) -> Iterator[RedisProxy]:
-    """The way of a monitor and two workers to Redis; the API and the test have their own."""
-    with RedisProxy(Path(farm.redis.url.removeprefix("unix://"))) as proxy:
+@dataclass(frozen=True)
+class Remote:
+    """A farm, and the way of its monitor and of its two workers to Redis.
+
+    The API and the test have their own.
+    """
+
+    farm: FaultyFarm
+    proxy: RedisProxy
+
+
+@pytest.fixture(scope="module")
+def far_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[Remote]:
+    with (
+        FaultyFarm(tmp_path_factory.mktemp("far"), cache) as farm,
+        RedisProxy(Path(farm.redis.url.removeprefix("unix://"))) as proxy,
+    ):
         for role in ("monitor", "worker", "worker"):
             farm.start(role, PLATEAU_REDIS_URL=proxy.url)
         farm.wait_for_workers(2)
-        yield proxy
-        proxy.heal()
+        yield Remote(farm, proxy)
         farm.stop_all()
+
+
+@pytest.fixture
+def remote(far_farm: Remote) -> Iterator[Remote]:
+    """The same, whose way is as it should be, before and after."""
+    yield far_farm
+    far_farm.proxy.delay_s = 0.0
+    far_farm.proxy.heal()
 
 
 @pytest.mark.parametrize("away_s", cases([0.0, LONGER_THAN_A_LEASE_S], [LONGER_THAN_A_LEASE_S]))
 def test_a_redis_that_is_killed_and_started_again(
-    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, away_s: float
+    farm: FaultyFarm, undisturbed: Outcome, away_s: float
 ) -> None:
     farm.start("monitor")
     farm.start("worker")
-    job = submit()
-    half_way(farm, job)
+    job = farm.submit_half_way(**BRIEF)
     before = farm.jobs.get(job)
     farm.redis.process.kill()
     farm.redis.process.wait()
@@ -68,10 +82,10 @@ def test_a_redis_that_is_killed_and_started_again(
 
 @pytest.mark.parametrize("mood", cases(["refuse", "silent", "deaf"], ["deaf"]))
 def test_a_way_to_redis_that_fails_for_longer_than_a_lease(
-    farm: FaultyFarm, proxy: RedisProxy, undisturbed: Outcome, submit: Submit, mood: str
+    remote: Remote, undisturbed: Outcome, mood: str
 ) -> None:
-    job = submit()
-    half_way(farm, job)
+    farm, proxy = remote.farm, remote.proxy
+    job = farm.submit_half_way(**BRIEF)
     proxy.fail(mood)
     time.sleep(LONGER_THAN_A_LEASE_S)
     proxy.heal()
@@ -81,9 +95,10 @@ def test_a_way_to_redis_that_fails_for_longer_than_a_lease(
 
 
 def test_a_way_to_redis_that_loses_answers_again_and_again(
-    farm: FaultyFarm, proxy: RedisProxy, undisturbed: Outcome, submit: Submit
+    remote: Remote, undisturbed: Outcome
 ) -> None:
-    job = submit()
+    farm, proxy = remote.farm, remote.proxy
+    job = farm.submit(**BRIEF).id
     for _ in range(12):
         if farm.jobs.get(job).state.ended:
             break
@@ -95,20 +110,16 @@ def test_a_way_to_redis_that_loses_answers_again_and_again(
 
 
 @pytest.mark.parametrize("delay_s", cases([0.02, 0.1, 0.3], [0.02]))
-def test_a_slow_way_to_redis(
-    farm: FaultyFarm, proxy: RedisProxy, undisturbed: Outcome, submit: Submit, delay_s: float
-) -> None:
-    proxy.delay_s = delay_s
-    assert_same(outcome(farm, submit()), undisturbed)
+def test_a_slow_way_to_redis(remote: Remote, undisturbed: Outcome, delay_s: float) -> None:
+    remote.proxy.delay_s = delay_s
+    job = remote.farm.submit(**BRIEF).id
+    assert_same(outcome(remote.farm, job), undisturbed)
 
 
-def test_a_redis_that_is_full_for_a_while(
-    farm: FaultyFarm, undisturbed: Outcome, submit: Submit
-) -> None:
+def test_a_redis_that_is_full_for_a_while(farm: FaultyFarm, undisturbed: Outcome) -> None:
     farm.start("monitor")
     farm.start("worker")
-    job = submit()
-    half_way(farm, job)
+    job = farm.submit_half_way(**BRIEF)
     client = connect(farm.redis.url)
     client.config_set("maxmemory", 1)
     time.sleep(LONGER_THAN_A_LEASE_S)
@@ -125,7 +136,7 @@ def test_processes_that_start_before_their_redis(
         proxy.fail("refuse")
         for role in ("monitor", "worker"):
             farm.start(role, PLATEAU_REDIS_URL=proxy.url)
-        time.sleep(3)
+        until(lambda: proxy.refused >= 4, 60, lambda: "nobody tried to reach Redis")
         proxy.heal()
         assert_same(outcome(farm, job), undisturbed)
         farm.stop_all()

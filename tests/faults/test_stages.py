@@ -1,11 +1,11 @@
 """Killed at any stage of its work, a process changes nothing of what the user gets."""
 
+import itertools
 import json
 import signal
 import socket
 import time
-from collections.abc import Callable
-from itertools import product
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -13,16 +13,13 @@ import pytest
 
 from plateau.farm.blobs import store as blobs
 from tests.support.farms.every_time import EVERY_TIME
-from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
+from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
 from tests.support.scenes.bundles import scene as scene_xml
 from tests.support.until import until
 
 Submit = Callable[[], str]
-
-#: Longer than a lease of these farms, which is 2 s.
-LONGER_THAN_A_LEASE_S = 3.5
 
 _CHILD = "plateau.worker.supervisor.child_process:RenderChild"
 _OWN = "plateau.farm.ledger.ownership:Ownerships"
@@ -55,6 +52,13 @@ MONITOR_STAGES = {
 }
 
 
+@pytest.fixture
+def farm(shared_farm: FaultyFarm) -> Iterator[FaultyFarm]:
+    """The shared farm, in which each test finds again what the one before it has kept."""
+    yield shared_farm
+    shared_farm.stop_all(but=shared_farm.kept)
+
+
 def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         return int(listener.getsockname()[1])
@@ -72,7 +76,7 @@ def test_a_worker_that_is_killed(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
     where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
+    farm.keep("monitor")
     job = submit()
     victim = farm.start_armed("worker", where, when=when, time=nth)
     farm.wait_until_ended(victim, signal.SIGKILL)
@@ -80,26 +84,10 @@ def test_a_worker_that_is_killed(
     assert_same(outcome(farm, job), undisturbed)
 
 
-@pytest.mark.parametrize(
-    "stage",
-    cases(MONITOR_STAGES, ["in mid-checkpoint", "between verdict and withdrawal", "as it clears"]),
-)
-def test_a_monitor_that_is_killed(
-    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
-) -> None:
-    where, when, nth = MONITOR_STAGES[stage]
-    farm.start("worker")
-    job = submit()
-    victim = farm.start_armed("monitor", where, when=when, time=nth, constants=EVERY_TIME)
-    farm.wait_until_ended(victim, signal.SIGKILL)
-    farm.start("monitor")
-    assert_same(outcome(farm, job), undisturbed)
-
-
 def _job_whose_child_is_sent(farm: FaultyFarm, submit: Submit, stage: str, signal_name: str) -> str:
     """Start a farm whose worker's render child gets this signal in this stage; return its job."""
     where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
+    farm.keep("monitor")
     job = submit()
     farm.start_armed(
         "worker", where, when=when, time=nth, signal_name=signal_name, target="children"
@@ -110,7 +98,7 @@ def _job_whose_child_is_sent(farm: FaultyFarm, submit: Submit, stage: str, signa
 @pytest.mark.parametrize(
     ("stage", "signal_name"),
     cases(
-        product(["while its child loads", "in mid-pass"], ["SIGKILL", "SIGSEGV"]),
+        itertools.product(["while its child loads", "in mid-pass"], ["SIGKILL", "SIGSEGV"]),
         [("in mid-pass", "SIGKILL")],
     ),
 )
@@ -135,7 +123,7 @@ def test_a_render_child_that_is_told_to_stop_renders_on(
 
 def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submit: Submit) -> None:
     watch = "plateau.worker.supervisor.child_watch"
-    farm.start("monitor")
+    farm.keep("monitor")
     job = submit()
     where, when, nth = WORKER_STAGES["in mid-pass"]
     farm.start_armed(
@@ -165,14 +153,63 @@ def test_a_zombie_worker_comes_back_and_commits_late(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
     where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
+    farm.keep("monitor")
     job = submit()
     zombie = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGSTOP")
     farm.wait_until_stopped(zombie)
+    committed = farm.jobs.ledger(job).keys()
+    its_own = next(index for index in itertools.count() if index not in committed)
     farm.start("worker")
     # Others go on meanwhile, its slice is theirs, and then it wakes up
-    time.sleep(LONGER_THAN_A_LEASE_S)
+    until(lambda: its_own in farm.jobs.ledger(job))
     farm.resume(zombie)
+    assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize(
+    "stage", cases(["in mid-pass", "in mid-upload", "between put and commit"], ["in mid-pass"])
+)
+def test_a_worker_that_is_told_to_stop_gives_its_slice_back(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = WORKER_STAGES[stage]
+    farm.keep("monitor")
+    job = submit()
+    victim = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM")
+    until(lambda: victim.poll() is not None)
+    assert victim.returncode == 0
+    # What it had is there at once, not after a lease
+    farm.start("worker")
+    assert_same(outcome(farm, job), undisturbed)
+    assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
+
+
+def test_two_monitors_share_jobs_and_never_one(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit
+) -> None:
+    farm.keep("monitor")
+    farm.start("monitor")
+    farm.start("worker")
+    jobs = [submit() for _ in range(3)]
+    for job in jobs:
+        assert_same(outcome(farm, job), undisturbed)
+        check_job(farm.jobs, farm.store, farm.redis_client, job)
+    assert BRIEF["max_spp"] > undisturbed.job.spp  # they were ended by the rule
+
+
+@pytest.mark.parametrize(
+    "stage",
+    cases(MONITOR_STAGES, ["in mid-checkpoint", "between verdict and withdrawal", "as it clears"]),
+)
+def test_a_monitor_that_is_killed(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = MONITOR_STAGES[stage]
+    farm.keep("worker")
+    job = submit()
+    victim = farm.start_armed("monitor", where, when=when, time=nth, constants=EVERY_TIME)
+    farm.wait_until_ended(victim, signal.SIGKILL)
+    farm.start("monitor")
     assert_same(outcome(farm, job), undisturbed)
 
 
@@ -193,7 +230,7 @@ def test_a_zombie_monitor_comes_back_and_can_write_nothing(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
     where, when, nth = MONITOR_STAGES[stage]
-    farm.start("worker")
+    farm.keep("worker")
     job = submit()
     zombie = farm.start_armed(
         "monitor", where, when=when, time=nth, signal_name="SIGSTOP", constants=EVERY_TIME
@@ -208,31 +245,13 @@ def test_a_zombie_monitor_comes_back_and_can_write_nothing(
 
 
 @pytest.mark.parametrize(
-    "stage", cases(["in mid-pass", "in mid-upload", "between put and commit"], ["in mid-pass"])
-)
-def test_a_worker_that_is_told_to_stop_gives_its_slice_back(
-    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
-) -> None:
-    where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
-    job = submit()
-    victim = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM")
-    until(lambda: victim.poll() is not None)
-    assert victim.returncode == 0
-    # What it had is there at once, not after a lease
-    farm.start("worker")
-    assert_same(outcome(farm, job), undisturbed)
-    assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
-
-
-@pytest.mark.parametrize(
     "stage", cases(["in mid-evaluation", "in mid-checkpoint", "as it clears"], ["as it clears"])
 )
 def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
     where, when, nth = MONITOR_STAGES[stage]
-    farm.start("worker")
+    farm.keep("worker")
     job = submit()
     victim = farm.start_armed(
         "monitor", where, when=when, time=nth, signal_name="SIGTERM", constants=EVERY_TIME
@@ -245,10 +264,11 @@ def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
 
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_monitor_that_is_killed_as_it_concludes_a_job_that_was_cancelled(
-    farm: FaultyFarm, submit: Submit, when: str
+    farm: FaultyFarm, when: str
 ) -> None:
-    farm.start("worker")
-    job = submit()
+    farm.keep("worker")
+    endless = {"max_spp": 100_000, "rule": {"name": "fixed", "spp": 100_000}}
+    job = farm.submit(**BRIEF | endless).id
     victim = farm.start_armed("monitor", f"{_OWN}.conclude", when=when)
     until(lambda: farm.jobs.get(job).points >= 3)
     farm.client.cancel(job)
@@ -293,6 +313,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
 def test_clocks_that_differ_by_minutes(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit
 ) -> None:
+    farm.stop_all()
     farm.start_changed("monitor", clock_s=600.0)
     for clock_s in (-300.0, 300.0):
         farm.start_changed("worker", clock_s=clock_s)
@@ -304,16 +325,3 @@ def test_clocks_that_differ_by_minutes(
     assert all(times)
     assert list(times) == sorted(times)  # type: ignore[type-var]
     assert (times[-1] - times[0]).total_seconds() < 240  # type: ignore[operator]
-
-
-def test_two_monitors_share_jobs_and_never_one(
-    farm: FaultyFarm, undisturbed: Outcome, submit: Submit
-) -> None:
-    for _ in range(2):
-        farm.start("monitor")
-    farm.start("worker")
-    jobs = [submit() for _ in range(3)]
-    for job in jobs:
-        assert_same(outcome(farm, job), undisturbed)
-        check_job(farm.jobs, farm.store, farm.redis_client, job)
-    assert BY_ZONES["max_spp"] > undisturbed.job.spp  # they were ended by the rule

@@ -28,10 +28,21 @@ BY_ZONES: dict[str, Any] = {
     "slice_spp": 10,
     "allocation": {"name": "zones", "size": 16},
 }
+#: The same again, with half the points: enough for a fault in the middle, and for one at the end.
+BRIEF: dict[str, Any] = {**BY_ZONES, "rule": {"name": "reverse", "window": 3, "epsilon": 8.0}}
 
 
 class FaultyFarm(RealFarm):
     """`RealFarm`, with processes that meet a signal on their way."""
+
+    kept: subprocess.Popen[bytes] | None = None  #: one that no test harms
+    _kept_role = ""
+
+    def keep(self, role: str) -> None:
+        """Have one process of this role, and none besides, that serves test after test."""
+        if self.kept is None or self.kept not in self.processes or self._kept_role != role:
+            self.stop_all()
+            self.kept, self._kept_role = self.start(role), role
 
     def start_armed(
         self,
@@ -102,6 +113,16 @@ class FaultyFarm(RealFarm):
 
     def resume(self, process: subprocess.Popen[bytes]) -> None:
         os.kill(process.pid, signal.SIGCONT)
+
+    def submit_half_way(self, **spec: object) -> str:
+        """A job that is in the middle of its work, though this process be slow to look at it."""
+
+        def half_way() -> str | None:
+            job = self.submit(**spec).id
+            until(lambda: self.jobs.get(job).points >= 3)
+            return None if self.jobs.get(job).state.ended else job
+
+        return until(half_way)
 
     def wait_for_workers(self, count: int) -> None:
         until(lambda: len(self.client.workers()) == count)

@@ -118,13 +118,14 @@ class RealFarm(Farm):
         process.wait()
         self.processes.remove(process)
 
-    def stop_all(self) -> None:
-        """Stop all but the API, cleanly."""
-        for process in self.processes[1:]:
+    def stop_all(self, but: subprocess.Popen[bytes] | None = None) -> None:
+        """Stop all but the API, and but this one if given, cleanly."""
+        stopped = [process for process in self.processes[1:] if process is not but]
+        for process in stopped:
             process.send_signal(signal.SIGCONT)
             process.send_signal(signal.SIGTERM)
-        codes = [process.wait(60) for process in self.processes[1:]]
-        del self.processes[1:]
+        codes = [process.wait(60) for process in stopped]
+        self.processes = [process for process in self.processes if process not in stopped]
         # One that was told before it listened is ended by the signal itself.
         assert set(codes) <= {0, -signal.SIGTERM}, f"a process did not stop cleanly: {codes}"
 

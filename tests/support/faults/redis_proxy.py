@@ -23,6 +23,7 @@ class RedisProxy:
         self.mood = "through"
         self.delay_s = 0.0
         self.answers_before = 0
+        self.refused = 0  #: connections that came while it refuses
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=64)
         self.url = f"redis://127.0.0.1:{self._listener.getsockname()[1]}"
         self._open: set[socket.socket] = set()
@@ -73,6 +74,7 @@ class RedisProxy:
     def _serve(self, client: socket.socket) -> None:
         with client, socket.socket(socket.AF_UNIX) as server:
             if self.mood == "refuse":
+                self.refused += 1
                 return
             try:
                 server.connect(self._redis_socket)

@@ -27,7 +27,7 @@ document.addEventListener("securitypolicyviolation", (event) =>
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """Chromium; without one the test skips, and fails in CI."""
-    names = ("chromium", "chromium-browser", "google-chrome")
+    names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
     path = next(filter(None, map(shutil.which, names)), None)
     if path is None:
         missing("the web page is tested in Chromium (Debian: apt install chromium)")
