@@ -6,6 +6,7 @@ until its folder is synced.
 
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -50,9 +51,13 @@ class FolderSync:
         self._known: dict[Path, tuple[int, int]] = {}  # inode and mtime at the last sync
 
     def up_from(self, folder: Path) -> None:
-        """Sync the folder and each one above it, up to the root."""
+        """Sync the folder and each one above it, up to the root.
+
+        One that another process has removed meanwhile holds nothing that could be lost.
+        """
         while folder != self._root:
-            self._sync(folder)
+            with suppress(FileNotFoundError):
+                self._sync(folder)
             folder = folder.parent
         self._sync(folder)
 

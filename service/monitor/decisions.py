@@ -243,7 +243,7 @@ OPEN: Final = (
 
 def _conclude(known: Known) -> Step:
     image: FinalImage = "merged" if known.merged else "shown" if known.is_seen else "none"
-    spp, notes = known.spp if known.merged else known.job.spp, known.job.notes
+    spp, notes = {"merged": known.spp, "shown": known.seen_spp, "none": 0}[image], known.job.notes
     if known.lost or spp < known.job.spp:
         when = "after the job had ended" if known.lost else "and not rendered again before the end"
         notes = (*notes, f"the image has {spp} spp: a slice was lost {when}")

@@ -183,9 +183,14 @@ class Known:
         return is_judged and waits_for_noise and not self.at_cap
 
     @property
+    def seen_spp(self) -> int:
+        """The spp of the image that is shown."""
+        return max(self.job.image_spp or 0, self.shown_spp)
+
+    @property
     def is_seen(self) -> bool:
         """Whether an image of whole slices is shown."""
-        return max(self.job.image_spp or 0, self.shown_spp) >= self.job.spec.slice_spp
+        return self.seen_spp >= self.job.spec.slice_spp
 
     @property
     def is_new(self) -> bool:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
@@ -76,6 +77,7 @@ def test_three_frames_come_to_their_end_alike(farm: RealFarm, tmp_path: Path) ->
     assert means[2] > 1.5 * means[0]
 
 
+@pytest.mark.long
 def test_a_paused_batch_gives_its_workers_to_others(farm: RealFarm) -> None:
     farm.start("monitor")
     farm.workers(1)

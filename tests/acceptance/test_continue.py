@@ -1,5 +1,7 @@
 """An ended job, rendered on by real workers, is the job that was never stopped."""
 
+import pytest
+
 from tests.support.farms.faulty_farm import SPEC
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import outcome
@@ -8,6 +10,7 @@ from tests.support.until import until
 EARLY = {**SPEC, "rule": {"name": "fixed", "spp": 120}}
 
 
+@pytest.mark.long
 def test_a_job_goes_on_to_a_stricter_rule_without_losing_a_sample(farm: RealFarm) -> None:
     farm.start("monitor")
     farm.workers(2)

@@ -60,6 +60,7 @@ def call(farm: RealFarm, generated: ModuleType) -> Iterator[Callable[..., Any]]:
         yield call
 
 
+@pytest.mark.long
 def test_submits_a_zip_waits_and_fetches_an_exr(farm: RealFarm, call: Callable[..., Any]) -> None:
     farm.start("monitor")
     farm.workers(1)

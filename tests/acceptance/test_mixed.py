@@ -24,6 +24,7 @@ def render_child(supervisor: int) -> psutil.Process:
     return next(child for child in children if "plateau.worker.child" in child.cmdline())
 
 
+@pytest.mark.long
 def test_a_job_does_not_wait_for_a_worker_that_is_stuck(farm: RealFarm) -> None:
     farm.start("monitor")
     stuck, _ = farm.workers(2)

@@ -57,6 +57,7 @@ def test_a_paused_job_ends_as_any_other(farm: RealFarm, undisturbed: Outcome) ->
     assert found.job.paused_s > 0
 
 
+@pytest.mark.long
 def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: Outcome) -> None:
     started = [farm.start("monitor"), *farm.workers(2)]
     until(lambda: len(farm.client.workers()) == 2)

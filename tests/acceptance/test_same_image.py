@@ -19,6 +19,7 @@ from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.wire.views import JobView
 from plateau.worker.supervisor.variants import choose
 from tests.support.farms.real_farm import BOX, RealFarm
+from tests.support.long_tests import rare
 from tests.support.until import until
 
 SIZE = 48
@@ -139,10 +140,9 @@ def victims(shared_farm: RealFarm) -> Iterator[Victims]:
 @pytest.mark.parametrize(
     "fault",
     [
-        kill_the_render_child,
         kill_a_worker,
         kill_the_monitor,
-        stop_a_worker_longer_than_its_lease,
+        *rare(kill_the_render_child, stop_a_worker_longer_than_its_lease),
     ],
 )
 def test_a_death_in_the_middle_changes_nothing(

@@ -213,6 +213,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
 
 
 @pytest.mark.parametrize("extra", BRINGS)
+@pytest.mark.long
 def test_an_extra_brings_what_its_part_imports(
     extra: str,
     install: Callable[[str], Path],

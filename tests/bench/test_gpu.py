@@ -21,6 +21,7 @@ gpu.main()
 
 
 @pytest.mark.llvm
+@pytest.mark.long
 def test_a_dry_run_measures_every_figure(tmp_path: Path, cache: Path) -> None:
     environment = {
         **os.environ,

@@ -67,6 +67,7 @@ def test_workers_and_jobs_are_simulated_under_each_load(
 
 
 @pytest.mark.timeout(300)
+@pytest.mark.long
 def test_monitors_merge_what_was_committed_while_they_were_stopped(tmp_path: Path) -> None:
     plan = backlog.Plan(rounds=1, jobs=4, slices=16, folder=str(tmp_path))
     found = backlog.measure(plan)

@@ -85,6 +85,7 @@ def savings_box(data: Path, results: Path) -> Spending:
 
 
 class TestSavings:
+    @pytest.mark.long
     def test_says_of_every_rule_where_it_stopped(self, savings_box: Spending) -> None:
         assert set(savings_box.stops) == set(RULES)
         assert savings_box.spp == list(range(50, 601, 50))

@@ -35,6 +35,7 @@ def test_starts_are_compared_with_mitsuba_alone() -> None:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_a_job_is_seen_judged_and_left_alone() -> None:
     kind = latency.Kind(scene="still", size=16, jobs=2)
     cancelled = latency.Kind(scene="box", size=32, jobs=1, cancelled=True)
@@ -66,6 +67,7 @@ def test_each_process_is_asked_for_its_memory() -> None:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.long
 def test_the_second_job_of_a_scene_is_timed_beside_the_first() -> None:
     plan = lease.Plan(scenes=("box",), size=16, rounds=2, threads=1, variant="scalar_rgb")
     found = lease.measure(plan)

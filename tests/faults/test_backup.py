@@ -8,15 +8,11 @@ from pathlib import Path
 import pytest
 
 from plateau.client import Client
-from plateau.farm.blobs import store as blobs
 from plateau.farm.images.png import decode_png
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
-from tests.support.farms.every_time import EVERY_TIME
-from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.farms.real_farm import BOX
-from tests.support.faults.invariants import Outcome
 from tests.support.processes.commands import Command
 from tests.support.until import until
 
@@ -68,33 +64,6 @@ def test_a_copy_made_at_rest_has_everything(up: Up, tmp_path: Path) -> None:
         again = client.wait(client.submit(job.scene_sha256, _spec(SHORT)).id)
         pictures = (_images(client, again)["image.png"], images["image.png"])
         assert len({decode_png(one).colour.tobytes() for one in pictures}) == 1
-
-
-def test_a_job_goes_on_in_a_copy_made_at_work(
-    tmp_path: Path, cache: Path, undisturbed: Outcome
-) -> None:
-    first, second = tmp_path / "first", tmp_path / "second"
-    second.mkdir()
-    with FaultyFarm(first, cache) as farm:
-        farm.start_changed("monitor", set=EVERY_TIME)
-        farm.start("worker")
-        job = farm.submit_half_way(**BRIEF)
-        # If the folder is copied meanwhile, Redis first
-        _copy(first / "redis", second)
-        # (And the blobs so late that what its Redis speaks of is gone)
-        old = set(farm.store.names(blobs.checkpoints(job)))
-        until(lambda: not old & set(farm.store.names(blobs.checkpoints(job))), 120)
-        _copy(first / "blobs", second)
-    shutil.rmtree(first)
-    # Then the job comes to the same end in the copy
-    with FaultyFarm(second, cache) as farm:
-        assert farm.jobs.get(job).state is JobState.RENDERING
-        farm.start("monitor")
-        farm.start("worker")
-        done = farm.client.wait(job)
-        assert (done.state, done.spp) == (undisturbed.job.state, undisturbed.job.spp)
-        assert farm.curve(done) == undisturbed.curve
-        assert farm.image(done).tobytes() == undisturbed.image.tobytes()
 
 
 @pytest.mark.long

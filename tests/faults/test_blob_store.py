@@ -14,7 +14,7 @@ from tests.support.farms.every_time import EVERY_TIME
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
-from tests.support.long_tests import cases
+from tests.support.long_tests import cases, rare
 
 Submit = Callable[[], str]
 
@@ -68,8 +68,10 @@ def small_disk(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
     ("fail", "heal"),
     [
         (SmallDisk.fill, SmallDisk.free),
-        (SmallDisk.make_read_only, SmallDisk.make_writable),
-        (SmallDisk.unmount, SmallDisk.mount),
+        *rare(
+            (SmallDisk.make_read_only, SmallDisk.make_writable),
+            (SmallDisk.unmount, SmallDisk.mount),
+        ),
     ],
     ids=["full", "read-only", "not mounted"],
 )
@@ -106,7 +108,7 @@ def flip_a_byte(path: Path) -> None:
     ("what", "harm"),
     cases(
         product(["partials", "checkpoints"], [truncate, flip_a_byte, Path.unlink]),
-        [("partials", flip_a_byte), ("checkpoints", Path.unlink)],
+        [("partials", flip_a_byte), *rare(("checkpoints", Path.unlink))],
     ),
 )
 def test_blobs_that_are_spoiled_at_rest(

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
@@ -15,6 +17,7 @@ from tests.support.until import until
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 
 
+@pytest.mark.long
 def test_redis_stops_and_goes_on_when_there_is_room(
     tmp_path: Path, cache: Path, undisturbed: Outcome
 ) -> None:

@@ -15,7 +15,7 @@ from tests.support.farms.faulty_farm import FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.faults.silent_mount import BoundFolder, SilentMount
-from tests.support.long_tests import cases
+from tests.support.long_tests import cases, rare
 from tests.support.until import until
 
 Submit = Callable[[], str]
@@ -35,7 +35,7 @@ _SOON = {
 }
 
 
-@pytest.mark.parametrize("stage", cases(_STAGES, ["a worker that uploads", "a monitor"]))
+@pytest.mark.parametrize("stage", cases(_STAGES, ["a worker that uploads", *rare("a monitor")]))
 def test_others_take_the_work_of_a_process_that_hangs(
     farm: FaultyFarm,
     undisturbed: Outcome,
@@ -66,6 +66,7 @@ def test_others_take_the_work_of_a_process_that_hangs(
         farm.stop_all()
 
 
+@pytest.mark.long
 def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, tmp_path: Path, cache: Path
 ) -> None:
@@ -87,7 +88,7 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
         farm.stop_all()
 
 
-@pytest.mark.parametrize("role", cases(["worker", "monitor"], ["worker", "monitor"]))
+@pytest.mark.parametrize("role", ["monitor", *rare("worker")])
 def test_others_take_the_work_of_a_process_whose_blobs_are_on_a_mount_that_stops(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, tmp_path: Path, role: str
 ) -> None:

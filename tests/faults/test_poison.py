@@ -12,6 +12,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import check_job
+from tests.support.long_tests import rare
 from tests.support.until import until
 
 SCENE = """<scene version="3.0.0">
@@ -98,13 +99,13 @@ POISONS = {
 }
 
 
-#: Whose worker fills this machine's memory three times.
-_LONG = "it wants more memory than there is"
+#: Those that fill this machine's memory, or its time.
+_DEAR = {"it wants more memory than there is", "a pass never ends"}
 
 
 @pytest.mark.parametrize(
     "poison",
-    [pytest.param(name, marks=[pytest.mark.long] * (name == _LONG)) for name in POISONS],
+    [one for name in POISONS for one in (rare(name) if name in _DEAR else [name])],
 )
 def test_a_poisonous_scene(small_farm: FaultyFarm, tmp_path: Path, poison: str) -> None:
     scene, spec, words = POISONS[poison]

@@ -110,12 +110,14 @@ def test_a_way_to_redis_that_loses_answers_again_and_again(
 
 
 @pytest.mark.parametrize("delay_s", cases([0.02, 0.1, 0.3], [0.02]))
+@pytest.mark.long
 def test_a_slow_way_to_redis(remote: Remote, undisturbed: Outcome, delay_s: float) -> None:
     remote.proxy.delay_s = delay_s
     job = remote.farm.submit(**BRIEF).id
     assert_same(outcome(remote.farm, job), undisturbed)
 
 
+@pytest.mark.long
 def test_a_redis_that_is_full_for_a_while(farm: FaultyFarm, undisturbed: Outcome) -> None:
     farm.start("monitor")
     farm.start("worker")

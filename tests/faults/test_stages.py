@@ -15,7 +15,7 @@ from plateau.farm.blobs import store as blobs
 from tests.support.farms.every_time import EVERY_TIME
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, check_job, outcome
-from tests.support.long_tests import cases
+from tests.support.long_tests import cases, rare
 from tests.support.scenes.bundles import scene as scene_xml
 from tests.support.until import until
 
@@ -199,7 +199,10 @@ def test_two_monitors_share_jobs_and_never_one(
 
 @pytest.mark.parametrize(
     "stage",
-    cases(MONITOR_STAGES, ["in mid-checkpoint", "between verdict and withdrawal", "as it clears"]),
+    cases(
+        MONITOR_STAGES,
+        ["in mid-checkpoint", *rare("between verdict and withdrawal", "as it clears")],
+    ),
 )
 def test_a_monitor_that_is_killed(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
@@ -262,7 +265,7 @@ def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
     assert_same(outcome(farm, job), undisturbed)
 
 
-@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("when", ["after", *rare("before")])
 def test_a_monitor_that_is_killed_as_it_concludes_a_job_that_was_cancelled(
     farm: FaultyFarm, when: str
 ) -> None:

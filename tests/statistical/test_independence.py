@@ -38,7 +38,7 @@ ALLOWANCES: dict[str, dict[str, float]] = {
 }
 
 #: width, height, spp of a slice, slices. 3 spp make a slice of two passes.
-SHORT = [(512, 512, 1, 32), (333, 255, 3, 32)]
+SHORT = [(333, 255, 3, 32), *long_tests.rare((512, 512, 1, 32))]
 LONG = [(512, 512, 16, 64), (333, 255, 1, 256), (640, 360, 4, 128), (40, 24, 25, 400)]
 CASES = [*SHORT, *(LONG if long_tests.WANTED else [])]
 
@@ -130,6 +130,7 @@ def test_a_slice_that_is_counted_twice_is_found(bench):
     assert not verdict.pairs_uncorrelated
 
 
+@pytest.mark.long
 def test_consecutive_scalar_seeds_are_found(scalar_bench):
     # No pair stands out; but all distances repeat, and what they leave adds up with every slice.
     verdict = scalar_bench.verdict(333, 255, [(Pass(1, index),) for index in range(64)])

@@ -1,14 +1,24 @@
-"""Which form of the long tests is wanted: ``make test-faults`` and ``make test-long`` set it."""
+"""Which form of the tests is wanted.
+
+`make test` runs neither long nor rare cases, `make test-rare` the rare ones, which pytest marks
+`long`; ``make test-faults`` and ``make test-long`` ask for long forms by LONG_TESTS.
+"""
 
 import os
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Any
+
+import pytest
 
 WANTED = "LONG_TESTS" in os.environ
 
-Case = TypeVar("Case")
+
+def rare(*every: Any) -> list[Any]:
+    """Cases that `make test` leaves out."""
+    values = (case if isinstance(case, tuple) else (case,) for case in every)
+    return [pytest.param(*one, marks=pytest.mark.long) for one in values]
 
 
-def cases(every: Iterable[Case], short: Iterable[Case]) -> list[Case]:
-    """All cases in the long form, a few of them in the short one, which CI runs."""
+def cases(every: Iterable[Any], short: Iterable[Any]) -> list[Any]:
+    """All cases in the long form; else a few of them."""
     return list(every if WANTED else short)

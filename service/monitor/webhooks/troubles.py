@@ -63,7 +63,7 @@ class Teller:
         patience_s: float,
         url: str | None = None,
         *,
-        look_s: float = _LOOK_S,
+        look_s: float | None = None,
         lease_s: float = _LEASE_S,
     ) -> None:
         self._redis = client
@@ -71,7 +71,7 @@ class Teller:
         self._targets = targets
         self._patience_s = patience_s
         self._url = url
-        self._look_s = look_s
+        self._look_s = _LOOK_S if look_s is None else look_s
         self._told = ToldTroubles(client, patience_s, lease_s)
         self._away_since: float | None = None  # Redis, which then remembers nothing
         self._told_of_redis: set[str] = set()

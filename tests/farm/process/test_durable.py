@@ -32,6 +32,14 @@ def test_every_folder_up_to_the_root_is_synced(synced: list[Path], tmp_path: Pat
     assert synced == [leaf, leaf.parent, root]
 
 
+def test_one_that_was_removed_meanwhile_is_no_error(synced: list[Path], tmp_path: Path) -> None:
+    FolderSync(tmp_path).up_from(tmp_path / "gone" / "too")
+    assert synced == [tmp_path]
+    # But for the root: what is on a disk that went is not safe
+    with pytest.raises(FileNotFoundError):
+        FolderSync(tmp_path / "gone").up_from(tmp_path / "gone")
+
+
 def test_one_that_has_not_changed_since_is_not_synced_again(
     synced: list[Path], tmp_path: Path
 ) -> None:

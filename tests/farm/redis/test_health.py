@@ -17,6 +17,7 @@ def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Embedde
     """A server as a farm starts it, durable."""
     server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))
     yield server
+    server.process.kill()  # it was told to be a replica, and would wait for its master
     server.stop()
 
 

@@ -68,6 +68,7 @@ def look_at(page: Page, client: Client, study_id: str, name: str, trials: range)
             page.keyboard.press("d" if seen else "s")
 
 
+@pytest.mark.long
 def test_a_known_threshold_comes_back(
     visit: Visit,
     url: str,

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.images.exr import decode_layers
+from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.scenes.bundles import scene
 from tests.support.until import until
@@ -87,6 +88,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     assert "of the cap" not in command.said  # the rule fixed saves nothing
 
 
+@pytest.mark.long
 def test_a_scene_of_nan_fails_and_shows_where(render: Render, tmp_path: Path) -> None:
     # Given a mistake in the light of the world
     sun = b'<emitter type="constant"><rgb name="radiance" value="nan, 1, 1"/></emitter>'
@@ -144,6 +146,7 @@ def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
     assert not [p for p in again.temporary.iterdir() if p.name.startswith("plateau-render-")]
 
 
+@pytest.mark.long
 def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path) -> None:
     def points() -> list[tuple[int, int]]:
         summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -183,6 +186,7 @@ def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path)
     assert channels.keys() == set("RGBA")
 
 
+@pytest.mark.long
 def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
     of_an_earlier_job(tmp_path / "out")
     faces = b'"rectangle"><integer name="faces" value="12"/></shape>'
@@ -252,7 +256,7 @@ class TestAFolderThatCannotBeWritten:
         ("taken", "kept"),
         [
             ("image.png", {"image.exr", "image.png", "curve.csv", "summary.json"}),
-            ("curve.png", {"curve.png", "summary.json"}),  # the API has stopped by then
+            *rare(("curve.png", {"curve.png", "summary.json"})),  # the API has stopped by then
         ],
     )
     def test_in_the_end_costs_nothing_that_was_rendered(

@@ -48,6 +48,7 @@ def test_it_converges_by_the_rule_visible_to_the_known_image(render, tmp_path):
     assert abs(deviation.var() - 1) < 5 * (2 / count) ** 0.5
 
 
+@pytest.mark.long
 def test_it_delivers_alpha_and_aovs_in_one_file(tmp_path):
     path = tmp_path / "checks.json"
     path.write_text(json.dumps({"analytic": 1, **SIZE, "alpha": True}))

@@ -13,6 +13,7 @@ import pytest
 
 from plateau.client import Client
 from plateau.worker.confinement.capabilities import drop_capabilities
+from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.scenes.bundles import scene
 from tests.support.until import until
@@ -47,7 +48,7 @@ def box(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGTERM, *rare(signal.SIGINT)])
 def test_it_stops_in_order_and_its_jobs_survive(
     up: Up, box: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -47,6 +47,7 @@ def shown(output: dict[str, Any]) -> str:
     return "".join(text)
 
 
+@pytest.mark.long
 def test_the_documented_notebook_shows_what_it_has_shown(execute: Execute, tmp_path: Path) -> None:
     documented = json.loads(DOCUMENTED.read_text())
     before = [cell["outputs"] for cell in documented["cells"] if cell["cell_type"] == "code"]

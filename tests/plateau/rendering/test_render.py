@@ -97,6 +97,7 @@ def test_a_path_becomes_an_image_and_a_curve(run: Run, tmp_path: Path) -> None:
     assert (folders[0] / "curve.csv").read_text() == (folders[1] / "curve.csv").read_text()
 
 
+@pytest.mark.long
 def test_a_cap_of_any_size_is_rendered(run: Run) -> None:
     result = result_of(run(max_spp=10, progress=False))
     assert (result.state.value, result.spp, result.curve["spp"].tolist()) == ("exhausted", 10, [10])

@@ -49,7 +49,7 @@ from tests.support.api_document import api_document
 from tests.support.farms.staged_job import PARTIAL, StagedJob
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
-REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most
+REQUESTS = 1000 if long_tests.WANTED else 10  #: random ones for each operation, at most
 REQUESTS_WITH_KEY = 200 if long_tests.WANTED else 5  #: the doors are other ones, the rooms the same
 
 

@@ -261,6 +261,8 @@ CASES: list[tuple[Known, steps.Step]] = [
         ended(ledger=READ, concluded=False, image_spp=25, spp=25),
         steps.ConcludeJob("shown", 25, ()),
     ),
+    # Its image was shown before its curve began
+    (ended(ledger=READ, concluded=False, image_spp=25), steps.ConcludeJob("shown", 25, ())),
     (ended(ledger=READ, merged=3, concluded=False), steps.ConcludeJob("merged", 75, ())),
     (
         ended(ledger=READ, merged=3, lost=True, concluded=False),

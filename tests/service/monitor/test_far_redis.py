@@ -3,6 +3,7 @@
 import time
 from pathlib import Path
 
+import pytest
 import redis
 
 from plateau.farm.redis import keys
@@ -14,6 +15,7 @@ LEASE_S = 2.0
 DELAY_S = 0.3  #: each way
 
 
+@pytest.mark.long
 def test_a_monitor_far_from_redis_renews_in_time(
     client: redis.Redis, redis_url: str, tmp_path: Path
 ) -> None:

@@ -104,6 +104,7 @@ class TestOnASmallDisk:
         yield child
         child.kill()
 
+    @pytest.mark.long
     def test_a_glimpse_without_room_is_left_out(self, child: RenderChild, disk: LoopDisk) -> None:
         seen: list[int] = []
         # Given room for a film and a half

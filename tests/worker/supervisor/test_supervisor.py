@@ -214,6 +214,7 @@ def test_a_bad_scene_fails_its_job_in_words_and_the_next_job_runs(
     assert str(bench.settings.cache) not in failed.reason
 
 
+@pytest.mark.long
 def test_a_scene_that_kills_its_child_fails_after_three_tries(bench: Bench) -> None:
     job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
     with bench.worker():
@@ -325,6 +326,7 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 
+@pytest.mark.long
 def test_a_cache_disk_without_room_for_a_film_costs_no_try(bench: Bench, tmp_path: Path) -> None:
     with LoopDisk(tmp_path / "disk", megabytes=16) as disk:
         bench.settings = bench.settings.model_copy(update={"cache": disk.folder / "cache"})

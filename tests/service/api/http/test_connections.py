@@ -251,6 +251,7 @@ def farm(tmp_path: Path) -> Iterator[RealFarm]:
         yield farm
 
 
+@pytest.mark.long
 def test_there_are_fewer_connections_than_descriptors(farm: RealFarm, tmp_path: Path) -> None:
     # Given an API that may have 400 descriptors, and has 200 when it starts
     log = tmp_path / "api.log"

@@ -108,6 +108,7 @@ def finish_by_monitors_that_come_and_go(farm: ShotFarm) -> None:
             until(partial(has_gone_on, farm, looks))
 
 
+@pytest.mark.long
 def test_the_noisy_frame_gets_samples_until_each_moment_is_good(
     farm: ShotFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
