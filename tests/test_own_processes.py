@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.support.long_tests import rare
 from tests.support.until import until
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +26,7 @@ def short_path() -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(
-    ("killed_by", "options"), [(signal.SIGKILL, ()), (signal.SIGTERM, ("-n", "1"))]
+    ("killed_by", "options"), [(signal.SIGKILL, ()), *rare((signal.SIGTERM, ("-n", "1")))]
 )
 def test_a_pytest_that_is_killed_leaves_nothing_behind(
     tmp_path: Path, short_path: Path, killed_by: signal.Signals, options: tuple[str, ...]

@@ -28,6 +28,7 @@ def paused_half_way(farm: RealFarm) -> str:
     return job.id
 
 
+@pytest.mark.long
 def test_a_paused_job_ends_as_any_other(farm: RealFarm, undisturbed: Outcome) -> None:
     farm.start("monitor")
     farm.workers(2)

@@ -96,6 +96,7 @@ class TestSavings:
             )
             assert stop.ended or rule == CYCLES_ADAPTIVE or stop.spp == 600
 
+    @pytest.mark.long
     def test_measures_what_rendering_and_looking_cost(self, savings_box: Spending) -> None:
         assert all(seconds > 0 for seconds in savings_box.spp_s)
         assert all(len(savings_box.look_s[rule]) > 0 for rule in RULES)

@@ -94,6 +94,7 @@ def test_a_way_to_redis_that_fails_for_longer_than_a_lease(
     assert all(process.poll() is None for process in farm.processes)
 
 
+@pytest.mark.long
 def test_a_way_to_redis_that_loses_answers_again_and_again(
     remote: Remote, undisturbed: Outcome
 ) -> None:

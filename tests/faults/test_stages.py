@@ -71,7 +71,9 @@ def answers(url: str) -> bool:
         return False
 
 
-@pytest.mark.parametrize("stage", cases(WORKER_STAGES, ["in mid-pass", "between put and commit"]))
+@pytest.mark.parametrize(
+    "stage", cases(WORKER_STAGES, ["in mid-pass", *rare("between put and commit")])
+)
 def test_a_worker_that_is_killed(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
@@ -121,6 +123,7 @@ def test_a_render_child_that_is_told_to_stop_renders_on(
     assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
 
 
+@pytest.mark.long
 def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submit: Submit) -> None:
     watch = "plateau.worker.supervisor.child_watch"
     farm.keep("monitor")
@@ -313,6 +316,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     farm.client.cancel(job.id)
 
 
+@pytest.mark.long
 def test_clocks_that_differ_by_minutes(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit
 ) -> None:

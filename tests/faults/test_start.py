@@ -12,6 +12,7 @@ from plateau.farm.model.versions import LAYOUT
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.until import until
 
@@ -19,6 +20,7 @@ READY = r"listens at (http://127\.0\.0\.1:\d+)"
 TOO_NEW = str(LAYOUT + 1)
 REFUSAL = f"the data in Redis has layout {TOO_NEW}"
 PROCESSES = (("api", "--port", "0"), ("monitor",), ("worker",))
+ONE_OF_THEM = [PROCESSES[0], *rare(*((one,) for one in PROCESSES[1:]))]
 
 Run = Callable[..., Command]
 
@@ -80,6 +82,7 @@ def test_a_data_folder_that_is_too_new_is_refused(tmp_path: Path) -> None:
     server.stop()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arguments", PROCESSES)
 def test_each_process_refuses_what_is_too_new(
     arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
@@ -92,7 +95,7 @@ def test_each_process_refuses_what_is_too_new(
     assert "Traceback" not in command.said
 
 
-@pytest.mark.parametrize("arguments", PROCESSES)
+@pytest.mark.parametrize("arguments", ONE_OF_THEM)
 def test_each_process_waits_for_redis(
     arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
 ) -> None:
@@ -107,7 +110,7 @@ def test_each_process_waits_for_redis(
     assert command.process.poll() is None
 
 
-@pytest.mark.parametrize("arguments", PROCESSES)
+@pytest.mark.parametrize("arguments", ONE_OF_THEM)
 def test_each_process_refuses_what_comes_late_and_is_too_new(
     arguments: tuple[str, ...],
     run: Run,
@@ -126,7 +129,7 @@ def test_each_process_refuses_what_comes_late_and_is_too_new(
     assert "Traceback" not in command.said
 
 
-@pytest.mark.parametrize("arguments", PROCESSES)
+@pytest.mark.parametrize("arguments", ONE_OF_THEM)
 def test_each_process_can_be_stopped_while_it_waits(arguments: tuple[str, ...], run: Run) -> None:
     command = run(*arguments)
     command.wait_for(READY if arguments[0] == "api" else "trying again")

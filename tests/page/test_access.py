@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.long_tests import rare
 from tests.support.until import until
 
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")
@@ -59,7 +60,7 @@ def screens(page: Page, job: Job) -> Iterator[str]:
 LOOKED_AT = {"bypass_csp": True, "reduced_motion": "reduce"}
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", *rare("dark")])
 def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str) -> None:
     page = visit(color_scheme=scheme, **LOOKED_AT).page
     for path in screens(page, job):
@@ -93,12 +94,14 @@ def test_nor_on_a_phone(visit: Visit, job: Job) -> None:
     "path",
     [
         "/",
-        "/workers",
-        "/submit",
-        "/studies",
         "/jobs/0123456789ab",
-        "/studies/0123456789ab",
-        "/studies/0123456789ab/observe",
+        *rare(
+            "/workers",
+            "/submit",
+            "/studies",
+            "/studies/0123456789ab",
+            "/studies/0123456789ab/observe",
+        ),
     ],
 )
 def test_nor_while_the_service_is_slow_to_answer(visit: Visit, path: str) -> None:

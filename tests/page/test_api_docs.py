@@ -1,10 +1,12 @@
 """The API's own page: from this machine alone, and calls can be tried on it."""
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.page.conftest import Visit
 
 
+@pytest.mark.long
 def test_calls_are_shown_and_can_be_tried(visit: Visit) -> None:
     page = visit("/docs").page
     expect(page.get_by_role("heading", name="Plateau")).to_be_visible()

@@ -207,6 +207,7 @@ class TestPresets:
         rule = farm.jobs.get(form.url.rpartition("/")[2]).spec.rule
         assert rule.model_dump() == {"name": "visible", "target": 0.01, "min_spp": 32}
 
+    @pytest.mark.long
     def test_say_what_they_take_of_this_scene(
         self, form: Page, farm: NoiseFarm, scene: Path
     ) -> None:

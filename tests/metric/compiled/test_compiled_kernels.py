@@ -143,6 +143,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.long
 def test_a_plain_cpu_gives_the_same_bits_as_this_one(tmp_path):
     # The plain one has short vectors and no fused multiply-add.
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -14,6 +14,7 @@ from tests.page.conftest import Visit
 from tests.page.job.test_job import SPEC, is_shown, pixels, png
 from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.long_tests import rare
 from tests.support.until import until
 
 
@@ -130,7 +131,7 @@ class TestAJobThatKeptPictures:
         expect(page.get_by_text("kept in 8 bits")).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", *rare("dark")])
 def test_anybody_can_compare(visit: Visit, farm: NoiseFarm, scheme: str) -> None:
     job = finished(farm)
     page = visit(f"/jobs/{job.id}", color_scheme=scheme, bypass_csp=True).page

@@ -64,6 +64,7 @@ def test_they_are_shown_with_their_scale(visit: Visit, farm: NoiseFarm) -> None:
     expect(page.get_by_text("It continues an earlier job")).to_be_visible()
 
 
+@pytest.mark.long
 def test_they_change_while_it_renders(visit: Visit, farm: NoiseFarm) -> None:
     job = farm.submit(**{**JOB, "rule": {"name": "fixed", "spp": 200}})
     with farm.monitor():

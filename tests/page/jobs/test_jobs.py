@@ -180,6 +180,7 @@ class TestWhatCanBeDone:
         expect(row(page, job_id)).to_contain_text("cancelled")
         assert farm.jobs.get(job_id).state is JobState.CANCELLED
 
+    @pytest.mark.long
     def test_what_the_service_refuses_is_shown_in_its_words(
         self, visit: Visit, farm: NoiseFarm, job_id: str
     ) -> None:

@@ -19,6 +19,7 @@ from tests.page.job.test_job import is_shown, png
 from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
+from tests.support.long_tests import rare
 
 #: The simulated observers see a difference in half of the pairs here, and less often beyond.
 THRESHOLD, SPREAD = 1300.0, 250.0
@@ -194,7 +195,7 @@ def test_pictures_that_do_not_fit_are_not_made_smaller(visit: Visit, api: Client
     expect(page.get_by_role("button", name="Begin")).to_be_enabled()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", *rare("dark")])
 def test_anybody_can_take_part(visit: Visit, api: Client, job: Job, scheme: str) -> None:
     study = api.studies.create(job.id)
     for name in ("o-1", "o-2"):

@@ -165,6 +165,7 @@ def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path
     assert points() == expected
 
 
+@pytest.mark.long
 def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path) -> None:
     # Given a scene that says how many samples it wants, as Mitsuba's examples do, and wants grey
     wants = FLOOR.replace(
@@ -215,6 +216,7 @@ class TestWhatItsOwnWorkersCannotDo:
         assert len(command.said.splitlines()) == 1
         assert not (tmp_path / "out").exists()
 
+    @pytest.mark.long
     def test_a_time_limit_counts_from_the_submission(self, render: Render, tmp_path: Path) -> None:
         # Given a limit that is over before any worker could have started
         command = render("--time-limit", "0.1", "--rule", "fixed", "--spp", "10000")

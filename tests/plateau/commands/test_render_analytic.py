@@ -25,6 +25,7 @@ def render(tmp_path: Path) -> Iterator[Command]:
     command.end()
 
 
+@pytest.mark.long
 def test_it_converges_by_the_rule_visible_to_the_known_image(render, tmp_path):
     assert render.exit_code(180) == 0, render.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -16,6 +16,7 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
+from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.until import until
 from tests.worker.supervisor.test_supervisor import SCENE, Bench
@@ -161,21 +162,22 @@ main()
 """
 
 
+_OWN = "plateau.farm.ledger.ownership:Ownerships"
+
+
 @pytest.mark.parametrize(
     ("role", "where", "words"),
     [
         ("worker", "plateau.farm.ledger.queue:SliceQueue.heartbeat", "the thread heartbeat died"),
-        ("worker", "plateau.worker.supervisor.uploader:_encoded", "the thread uploader died"),
-        (
-            "worker",
-            "plateau.farm.ledger.queue:SliceQueue.lease",
-            "an unexpected error",
-        ),
-        ("monitor", "plateau.farm.ledger.ownership:Ownerships.renew", "the thread renewer died"),
-        (
-            "monitor",
-            "plateau.farm.ledger.ownership:Ownerships.unfinished",
-            "an unexpected error",
+        ("monitor", f"{_OWN}.unfinished", "an unexpected error"),
+        *rare(
+            ("worker", "plateau.worker.supervisor.uploader:_encoded", "the thread uploader died"),
+            ("worker", "plateau.farm.ledger.queue:SliceQueue.lease", "an unexpected error"),
+            (
+                "monitor",
+                f"{_OWN}.renew",
+                "the thread renewer died",
+            ),
         ),
     ],
 )

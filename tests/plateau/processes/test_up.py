@@ -163,7 +163,7 @@ def test_when_it_is_killed_everything_goes_and_the_next_may_start(up: Up, box: P
         assert client.job(job.id).id == job.id
 
 
-@pytest.mark.parametrize("name", ["api", "monitor"])
+@pytest.mark.parametrize("name", ["api", *rare("monitor")])
 def test_a_process_that_dies_is_started_again(up: Up, name: str) -> None:
     command = up()
     url = command.wait_for(READY)

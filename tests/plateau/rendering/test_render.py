@@ -139,6 +139,7 @@ def test_an_interrupt_returns_the_image_so_far(run: Run) -> None:
     assert "cancelling" in command.said
 
 
+@pytest.mark.long
 def test_a_scene_that_mitsuba_refuses_is_an_error_with_its_words(run: Run) -> None:
     scene = {
         "type": "scene",
@@ -200,6 +201,7 @@ def test_what_is_wrong_is_told_before_anything_starts(tmp_path: Path) -> None:
         plateau.render("scenes:box", out=tmp_path / "file")
 
 
+@pytest.mark.long
 def test_an_error_survives_a_pickle(run: Run) -> None:
     result = result_of(run(rule={"name": "fixed", "spp": 25}, step=25, progress=False))
     error = pickle.loads(pickle.dumps(RenderFailed(result)))

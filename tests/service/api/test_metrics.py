@@ -214,6 +214,7 @@ class TestOutages:
             "plateau_http_event_streams",
         }
 
+    @pytest.mark.long
     def test_of_redis_that_keeps_silent_cost_seconds(
         self,
         embedded_redis: EmbeddedRedis,

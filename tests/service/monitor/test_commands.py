@@ -121,6 +121,7 @@ print("first", flush=True); print("made a movie", file=sys.stderr)
     )
 
 
+@pytest.mark.long
 def test_one_that_fails_or_takes_too_long_is_not_run_again(
     client: redis.Redis, redis_url: str, tmp_path: Path
 ) -> None:

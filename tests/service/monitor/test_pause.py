@@ -189,6 +189,7 @@ def test_a_paused_job_whose_last_samples_were_in_hand_reaches_its_cap(farm: Nois
     check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
 
 
+@pytest.mark.long
 def test_the_time_limit_stands_still_meanwhile(farm: NoiseFarm) -> None:
     farm.sigma = 30
     job = farm.submit(step=20, slice_spp=10, max_spp=50, time_limit_s=3)

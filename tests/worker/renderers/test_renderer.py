@@ -9,6 +9,7 @@ import pytest
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.worker.renderers.contract import SceneError
 from tests.support import long_tests
+from tests.support.long_tests import rare
 from tests.support.processes import mitsuba_process
 from tests.support.processes.mitsuba_process import MitsubaProcess
 from tests.support.variants import library_for
@@ -100,7 +101,7 @@ class TestPurity:
             for one, film in zip(passes, expected, strict=True):
                 assert np.array_equal(other.render_pass(*one), film), one
 
-    @pytest.mark.parametrize("scene", ["bar", "oculist", "plants"])
+    @pytest.mark.parametrize("scene", ["oculist", *rare("bar", "plants")])
     def test_the_process_changes_no_bit_where_there_are_many_shapes_and_lights(
         self, mitsuba, scene
     ):

@@ -85,6 +85,7 @@ def test_a_warning_stands_in_the_log_of_the_slice_at_which_it_came(bench: Bench)
     ]
 
 
+@pytest.mark.long
 def test_last_words_stand_in_the_log_with_the_cause(bench: Bench) -> None:
     job, _ = bench.job(
         slices=1,

@@ -389,6 +389,7 @@ class TestWithoutRedis:
                         assert int(answer.headers["retry-after"]) > 0
                 assert http.get("/healthz").status_code == 200
 
+    @pytest.mark.long
     def test_metrics_go_on_for_a_key_that_was_good(
         self,
         embedded_redis: object,

@@ -224,6 +224,7 @@ def test_a_shot_that_misses_a_frame_is_not_judged(farm: ShotFarm) -> None:
     assert f"the shot was not judged: frame 2, job {farm.frames[2]}, has failed" in others[0].reason
 
 
+@pytest.mark.long
 def test_sums_that_are_lost_while_a_frame_waits_are_made_again(farm: ShotFarm) -> None:
     farm.submit_shot(frames=3, shot=EASY)
     with farm.monitor():
