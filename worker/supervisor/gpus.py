@@ -1,6 +1,8 @@
 """The GPUs that a worker may use, and the driver by which Dr.Jit reaches them."""
 
 import os
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +19,8 @@ _VARIABLES: Final = (
 _WSL: Final = "/usr/lib/wsl/lib/libcuda.so.1"
 #: Where Dr.Jit looks by itself.
 _KNOWN_TO_DRJIT: Final = "/usr/lib/"
+#: Memory in MiB that a card has free when CUDA, OptiX and a scene find room.
+_ROOM_MIB: Final = 2048
 
 
 def environment() -> dict[str, str]:
@@ -39,4 +43,29 @@ def cuda_driver() -> Path | None:
     for name, path in system_libraries():
         if name.startswith("libcuda.so"):
             return Path(path)
+    return None
+
+
+def shortage() -> str | None:
+    """Return which of the worker's GPUs has hardly any memory free, and what to do; else None.
+
+    NVIDIA's own program tells it: whoever asks CUDA on a full card is ended by it.
+    """
+    program = shutil.which("nvidia-smi")
+    if program is None:
+        return None
+    named = os.environ.get("CUDA_VISIBLE_DEVICES")
+    command = [program, "--query-gpu=index,memory.free,memory.total"]
+    command += ["--format=csv,noheader,nounits", *(["-i", named] if named else [])]
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
+        cards = [[int(field) for field in line.split(",")] for line in said.stdout.splitlines()]
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return None
+    for index, free_mib, total_mib in cards:
+        if free_mib < _ROOM_MIB:
+            return (
+                f"GPU {index} has {free_mib} of {total_mib} MiB free: end what holds its memory "
+                "(nvidia-smi lists it), or name another GPU in CUDA_VISIBLE_DEVICES"
+            )
     return None

@@ -177,7 +177,9 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
             return Probe(variant, library, ok=False, detail=f"{_TIMED_OUT} {timeout_s:g} s")
     said = _RENDERED.search(done.stdout)
     if done.returncode != 0 or said is None:
-        return Probe(variant, library, ok=False, detail=_last_words(done))
+        shortage = gpus.shortage() if variant_named(variant).on_gpu else None
+        detail = "; ".join(filter(None, (_last_words(done), shortage)))
+        return Probe(variant, library, ok=False, detail=detail)
     detail = f"rendered a known image, bits {said[1]}"
     return Probe(variant, library, ok=True, detail=detail, bits=said[1])
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from plateau.worker.supervisor import gpus
+from tests.support.path_programs import put_on_path
 
 
 @pytest.fixture
@@ -47,3 +48,30 @@ def test_a_driver_that_a_person_names_comes_first(
 def test_without_a_driver_there_is_none(libraries: list[tuple[str, str]]) -> None:
     libraries.append(("libcudart.so.12", "/usr/lib/libcudart.so.12"))
     assert gpus.cuda_driver() is None
+
+
+@pytest.mark.parametrize(
+    ("says", "told"),
+    [
+        ("echo 0, 899, 143771", "GPU 0 has 899 of 143771 MiB free: end what holds"),
+        ("echo 0, 140000, 143771; echo 1, 12, 143771", "GPU 1 has 12 of 143771 MiB free"),
+        ("echo 0, 140000, 143771", None),
+        ("echo No devices were found", None),
+        ("exit 9", None),
+    ],
+)
+def test_a_card_without_room_is_told_of(
+    says: str, told: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_on_path(tmp_path / "nvidia-smi", says, monkeypatch)
+    found = gpus.shortage()
+    assert found is told is None or str(found).startswith(str(told))
+
+
+def test_only_the_cards_that_are_named_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_on_path(tmp_path / "nvidia-smi", '[ "$4" = 1,3 ] && echo 3, 5, 80000', monkeypatch)
+    assert gpus.shortage() is None
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1,3")
+    assert str(gpus.shortage()).startswith("GPU 3 has 5")
