@@ -12,7 +12,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import check_job
-from tests.support.long_tests import rare
+from tests.support.long_tests import rare_among
 from tests.support.until import until
 
 SCENE = """<scene version="3.0.0">
@@ -103,10 +103,7 @@ POISONS = {
 _DEAR = {"it wants more memory than there is", "a pass never ends"}
 
 
-@pytest.mark.parametrize(
-    "poison",
-    [one for name in POISONS for one in (rare(name) if name in _DEAR else [name])],
-)
+@pytest.mark.parametrize("poison", rare_among(POISONS, _DEAR))
 def test_a_poisonous_scene(small_farm: FaultyFarm, tmp_path: Path, poison: str) -> None:
     scene, spec, words = POISONS[poison]
     files = {"wild_ply": WILD_MESH} if "wild.ply" in str(scene["body"]) else {}

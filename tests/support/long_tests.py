@@ -5,7 +5,7 @@
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import pytest
@@ -17,6 +17,11 @@ def rare(*every: Any) -> list[Any]:
     """Cases that `make test` leaves out."""
     values = (case if isinstance(case, tuple) else (case,) for case in every)
     return [pytest.param(*one, marks=pytest.mark.long) for one in values]
+
+
+def rare_among(every: Iterable[str], dear: Collection[str]) -> list[Any]:
+    """All cases, of which `make test` leaves out those that are dear."""
+    return [one for name in every for one in (rare(name) if name in dear else [name])]
 
 
 def cases(every: Iterable[Any], short: Iterable[Any]) -> list[Any]:

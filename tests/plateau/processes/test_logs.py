@@ -173,11 +173,7 @@ _OWN = "plateau.farm.ledger.ownership:Ownerships"
         *rare(
             ("worker", "plateau.worker.supervisor.uploader:_encoded", "the thread uploader died"),
             ("worker", "plateau.farm.ledger.queue:SliceQueue.lease", "an unexpected error"),
-            (
-                "monitor",
-                f"{_OWN}.renew",
-                "the thread renewer died",
-            ),
+            ("monitor", f"{_OWN}.renew", "the thread renewer died"),
         ),
     ],
 )

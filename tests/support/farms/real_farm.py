@@ -102,7 +102,8 @@ class RealFarm(Farm):
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         settings = {**self.environment, **environment}
-        if inside:
+        imports_others = settings.get("PYTHONPATH") != os.environ.get("PYTHONPATH")
+        if inside or imports_others:
             command = [*inside, sys.executable, "-m", module, *arguments]
             process = subprocess.Popen(
                 command, env=settings, pass_fds=passed, start_new_session=True

@@ -172,7 +172,7 @@ class TestTheProcess:
         farm.submit()
         api = farm.processes[0]
         [child, *_] = children = psutil.Process(api.pid).children()
-        assert "PLATEAU_REDIS_URL" in psutil.Process(api.pid).environ()
+        assert "PLATEAU_REDIS_URL" in farm.environment
         assert not any(name.startswith("PLATEAU") for name in child.environ())
         farm.kill(api)
         _, alive = psutil.wait_procs(children, timeout=60)
