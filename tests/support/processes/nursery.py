@@ -28,6 +28,7 @@ from plateau.farm.process.lifecycle import die_with_parent
 
 _ABOVE_ALL_OTHERS: Final = 200  #: descriptors that are passed are moved here at first
 _ANSWER: Final = struct.Struct("!i")  #: a process id, and later an exit status
+_ASKING: Final = threading.Lock()
 
 
 class Forked(subprocess.Popen[bytes]):
@@ -64,20 +65,21 @@ class Forked(subprocess.Popen[bytes]):
 def fork(
     module: str, arguments: tuple[str, ...], environment: Mapping[str, str], passed: tuple[int, ...]
 ) -> Forked:
-    """Run a module with these arguments and descriptors, as ``python -m`` would."""
+    """Run a module with these arguments and descriptors, as ``python -m`` would.
+
+    Its output goes where this process's does at the moment.
+    """
     ours, theirs = socket.socketpair()
+    descriptors = [1, 2, *passed]
     about = {
         "argv": [module, *arguments],
         "environment": dict(environment),
         "folder": str(Path.cwd()),
-        "passed": passed,
+        "descriptors": descriptors,
     }
     with theirs, _ASKING:
-        socket.send_fds(_nursery(), [json.dumps(about).encode()], [theirs.fileno(), *passed])
+        socket.send_fds(_nursery(), [json.dumps(about).encode()], [theirs.fileno(), *descriptors])
         return Forked(about["argv"], ours)
-
-
-_ASKING: Final = threading.Lock()
 
 
 @functools.cache
@@ -126,7 +128,7 @@ class _Nursery:
                 other.close()
             for process in self._running:
                 os.close(process)
-            _place(passed, about["passed"])
+            _place(passed, about["descriptors"])
             return about
         for descriptor in passed:
             os.close(descriptor)
