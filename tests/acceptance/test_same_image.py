@@ -131,8 +131,11 @@ def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> Non
 
 
 @pytest.fixture(scope="module")
-def victims(shared_farm: RealFarm) -> Iterator[Victims]:
-    """A monitor and two workers; in the place of one that dies comes another."""
+def victims(shared_farm: RealFarm, undisturbed: Outcome) -> Iterator[Victims]:  # noqa: ARG001
+    """A monitor and two workers; in the place of one that dies comes another.
+
+    They start when those that made the undisturbed image have stopped.
+    """
     yield {"monitor": [shared_farm.start("monitor")], "worker": shared_farm.workers(2)}
     shared_farm.stop_all()
 

@@ -19,7 +19,6 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
-from tests.support.processes import nursery
 
 BOX = Path(__file__).parents[3] / "scenes" / "box"
 
@@ -101,15 +100,12 @@ class RealFarm(Farm):
         inside: tuple[str, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
-        settings = {**self.environment, **environment}
-        imports_others = settings.get("PYTHONPATH") != os.environ.get("PYTHONPATH")
-        if inside or imports_others:
-            command = [*inside, sys.executable, "-m", module, *arguments]
-            process = subprocess.Popen(
-                command, env=settings, pass_fds=passed, start_new_session=True
-            )
-        else:
-            process = nursery.fork(module, arguments, settings, passed)
+        process = subprocess.Popen(
+            [*inside, sys.executable, "-m", module, *arguments],
+            env={**self.environment, **environment},
+            pass_fds=passed,
+            start_new_session=True,
+        )
         self.processes.append(process)
         return process
 
