@@ -131,7 +131,7 @@ def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> Non
 
 
 @pytest.fixture(scope="module")
-def victims(shared_farm: RealFarm, undisturbed: Outcome) -> Iterator[Victims]:  # noqa: ARG001
+def victims(shared_farm: RealFarm, undisturbed: Outcome) -> Iterator[Victims]:
     """A monitor and two workers; in the place of one that dies comes another.
 
     They start when those that made the undisturbed image have stopped.
