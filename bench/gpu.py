@@ -16,7 +16,6 @@ import hashlib
 import json
 import os
 import shutil
-import subprocess
 import tempfile
 import time
 import zipfile
@@ -30,6 +29,7 @@ from bench import ROOT
 from bench.support.farms import plateau_render
 from bench.support.report import Figure, figure, write_report
 from plateau.worker.renderers.contract import Load
+from plateau.worker.supervisor import gpus
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -231,11 +231,7 @@ def _settings(plan: Plan) -> dict[str, Any]:
 
 def _nvidia_smi(what: str) -> str | None:
     """Return what the driver says of this machine's first NVIDIA card; None without one."""
-    if shutil.which("nvidia-smi") is None:
-        return None
-    command = ["nvidia-smi", f"--query-gpu={what}", "--format=csv,noheader,nounits"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.splitlines()[0].strip() if done.returncode == 0 else None
+    return next((found for [found] in gpus.cards(what)), None)
 
 
 if __name__ == "__main__":

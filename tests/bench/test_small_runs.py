@@ -84,8 +84,8 @@ def savings_box(data: Path, results: Path) -> Spending:
     return spent
 
 
+@pytest.mark.long
 class TestSavings:
-    @pytest.mark.long
     def test_says_of_every_rule_where_it_stopped(self, savings_box: Spending) -> None:
         assert set(savings_box.stops) == set(RULES)
         assert savings_box.spp == list(range(50, 601, 50))
@@ -96,7 +96,6 @@ class TestSavings:
             )
             assert stop.ended or rule == CYCLES_ADAPTIVE or stop.spp == 600
 
-    @pytest.mark.long
     def test_measures_what_rendering_and_looking_cost(self, savings_box: Spending) -> None:
         assert all(seconds > 0 for seconds in savings_box.spp_s)
         assert all(len(savings_box.look_s[rule]) > 0 for rule in RULES)

@@ -31,7 +31,6 @@ def lateness(outcomes: list[Outcome], rule: str) -> list[float]:
     ]
 
 
-@pytest.mark.long
 def test_every_rule_is_judged_in_every_case(outcomes: list[Outcome]) -> None:
     cases = {one.case for one in outcomes}
     assert {(one.case, one.rule) for one in outcomes} == {

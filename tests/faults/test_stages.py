@@ -179,8 +179,7 @@ def test_a_worker_that_is_told_to_stop_gives_its_slice_back(
     farm.keep("monitor")
     job = submit()
     victim = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM")
-    until(lambda: victim.poll() is not None)
-    assert victim.returncode == 0
+    farm.wait_until_ended(victim)
     # What it had is there at once, not after a lease
     farm.start("worker")
     assert_same(outcome(farm, job), undisturbed)
@@ -262,8 +261,7 @@ def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
     victim = farm.start_armed(
         "monitor", where, when=when, time=nth, signal_name="SIGTERM", constants=EVERY_TIME
     )
-    until(lambda: victim.poll() is not None)
-    assert victim.returncode == 0
+    farm.wait_until_ended(victim)
     farm.start("monitor")
     assert_same(outcome(farm, job), undisturbed)
 

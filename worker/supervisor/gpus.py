@@ -46,26 +46,41 @@ def cuda_driver() -> Path | None:
     return None
 
 
-def shortage() -> str | None:
-    """Return which of the worker's GPUs has hardly any memory free, and what to do; else None.
+def cards(*fields: str) -> list[list[str]]:
+    """Return what NVIDIA's own program says of each GPU of this worker's; nothing without it.
 
-    NVIDIA's own program tells it: whoever asks CUDA on a full card is ended by it.
+    Parameters
+    ----------
+    *fields
+        As ``nvidia-smi --query-gpu`` has them, such as ``memory.free``, which is in MiB.
     """
     program = shutil.which("nvidia-smi")
     if program is None:
-        return None
+        return []
     named = os.environ.get("CUDA_VISIBLE_DEVICES")
-    command = [program, "--query-gpu=index,memory.free,memory.total"]
-    command += ["--format=csv,noheader,nounits", *(["-i", named] if named else [])]
+    command = [program, f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
+    command += ["-i", named] if named else []
     try:
-        said = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
-        cards = [[int(field) for field in line.split(",")] for line in said.stdout.splitlines()]
-    except (OSError, subprocess.SubprocessError, ValueError):
-        return None
-    for index, free_mib, total_mib in cards:
-        if free_mib < _ROOM_MIB:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return []
+    return [line.split(", ") for line in done.stdout.splitlines()]
+
+
+def shortage() -> str | None:
+    """Return which of the worker's GPUs has hardly any memory free, and what to do; else None.
+
+    Whoever asks CUDA itself on a full card is ended by it.
+    """
+    for index, free, total in filter(_is_whole, cards("index", "memory.free", "memory.total")):
+        if int(free) < _ROOM_MIB:
             return (
-                f"GPU {index} has {free_mib} of {total_mib} MiB free: end what holds its memory "
+                f"GPU {index} has {free} of {total} MiB free: end what holds its memory "
                 "(nvidia-smi lists it), or name another GPU in CUDA_VISIBLE_DEVICES"
             )
     return None
+
+
+def _is_whole(card: list[str]) -> bool:
+    """Return whether there are three numbers: a driver may not know some, or say an error."""
+    return len(card) == 3 and all(field.isdecimal() for field in card)

@@ -30,7 +30,8 @@ def telling_troubles(settings: Settings, store: Blobs, targets: Targets) -> Iter
     over = threading.Event()
     if targets.troubles:
         client = connect(settings.redis_url or "")
-        teller = Teller(client, store, targets, settings.trouble_after_s, settings.page_url)
+        patience_s, url = settings.trouble_after_s, settings.page_url
+        teller = Teller(client, store, targets, patience_s, url, look_s=_LOOK_S)
         threading.Thread(target=teller.run, args=(over,), name="troubles", daemon=True).start()
     try:
         yield
@@ -63,7 +64,7 @@ class Teller:
         patience_s: float,
         url: str | None = None,
         *,
-        look_s: float | None = None,
+        look_s: float = _LOOK_S,
         lease_s: float = _LEASE_S,
     ) -> None:
         self._redis = client
@@ -71,7 +72,7 @@ class Teller:
         self._targets = targets
         self._patience_s = patience_s
         self._url = url
-        self._look_s = _LOOK_S if look_s is None else look_s
+        self._look_s = look_s
         self._told = ToldTroubles(client, patience_s, lease_s)
         self._away_since: float | None = None  # Redis, which then remembers nothing
         self._told_of_redis: set[str] = set()
