@@ -47,7 +47,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
             "the workers."
         ),
-        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain", "block"),
+        ("cancel", "pause", "resume", "priority", "delete", "restore", "drain", "block"),
     ),
     (
         "Continue ended jobs",

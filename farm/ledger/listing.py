@@ -1,9 +1,9 @@
 """Lists jobs, newest first: all, or those that a filter lets through.
 
-All jobs, those in a state, of a batch, of an owner, the archived and the deleted ones have an index
-each. So the cost of a page does not grow with the stored jobs where one of them has what is asked
-for, but for the archived and deleted jobs that it passes over. Otherwise the jobs of one index are
-read until the page is full.
+All jobs, those in a state, of a batch, of an owner and the deleted ones have an index each. So the
+cost of a page does not grow with the stored jobs where one of them has what is asked for, but for
+the deleted jobs that it passes over. Otherwise the jobs of one index are read until the page is
+full.
 """
 
 import json
@@ -32,7 +32,6 @@ class Filter:
     state: JobState | None = None
     batch: str | None = None  #: the jobs that were submitted to it
     owner: str | None = None  #: an API key's id
-    archived: bool | None = False
     deleted: bool | None = False
     search: str = ""  #: words that all occur in what the job is called and belongs to
 
@@ -60,7 +59,8 @@ def jobs_before(
             more = len(rows) == asked
             if rows:
                 before = int(rows[-1][1])
-            rows = _matching(client, _filed(client, rows, wanted), fields, wanted.search)
+            rows = _kept(client, rows, deleted=wanted.deleted)
+            rows = _matching(client, rows, fields, wanted.search)
             if len(found) + len(rows) > limit:
                 rows, more = rows[: limit - len(found)], True
                 before = int(rows[-1][1])
@@ -91,22 +91,17 @@ def _index(wanted: Filter) -> tuple[str, dict[str, str]]:
         return keys.batch(fields.pop("batch")), fields
     if wanted.owner is not None:
         return keys.jobs_of_key(fields.pop("owner")), fields
-    if wanted.archived:
-        return keys.ARCHIVED, fields
     if wanted.state is not None:
         return keys.in_state(fields.pop("state")), fields
     return keys.JOBS, fields
 
 
-def _filed(client: RedisClient, rows: list[_Row], wanted: Filter) -> list[_Row]:
-    """Those that are archived, and deleted, as wanted."""
-    for index, flag in ((keys.ARCHIVED, wanted.archived), (keys.DELETED, wanted.deleted)):
-        if rows and flag is not None:
-            scores = client.zmscore(index, [row[0] for row in rows])
-            rows = [
-                row for row, score in zip(rows, scores, strict=True) if (score is not None) is flag
-            ]
-    return rows
+def _kept(client: RedisClient, rows: list[_Row], *, deleted: bool | None) -> list[_Row]:
+    """Those that are deleted, or those that are not, as wanted."""
+    if not rows or deleted is None:
+        return rows
+    scores = client.zmscore(keys.DELETED, [row[0] for row in rows])
+    return [row for row, score in zip(rows, scores, strict=True) if (score is not None) is deleted]
 
 
 def _matching(

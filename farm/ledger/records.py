@@ -104,7 +104,6 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         for name in ("created_at", "started_at", "paused_at", "ended_at", "finished_at")
         if name in fields
     }
-    filed = {name: moment(sealed[name]) for name in ("archived_at", "deleted_at") if name in sealed}
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
         *("estimate_undetermined", "non_finite_pixels", "forecast_spp", "expected_spp"),
@@ -147,7 +146,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
         in_shot=frame_of_shot(fields),
         **times,
-        **filed,
+        deleted_at=moment(sealed["deleted_at"]) if "deleted_at" in sealed else None,
     )
 
 

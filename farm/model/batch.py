@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from plateau.farm.model.flicker import Value, differences, stops_by
 from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 
 #: Most differences, and jobs that missed their target, that are named.
 _NAMED: Final = 100
@@ -143,7 +143,6 @@ class Steered:
     done: bool  #: the job is in the wanted state now, or was before
     state: JobState | None  #: its state, which may forbid it; None where it was not asked
     why_not: str | None
-    before: Visibility | None = None  #: where it was found, if that was changed; maybe there
 
 
 def summarise(

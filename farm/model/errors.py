@@ -9,7 +9,7 @@
     ├── BatchNotFound      no batch of that name
     ├── UnevenBatch        the jobs of a guarded batch would not stop alike
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
-    ├── JobNotEnded        the job has not ended, so it cannot be archived or deleted
+    ├── JobNotEnded        the job has not ended, so it cannot be deleted
     ├── CannotContinue     no job can continue this one in the wanted way
     ├── CannotFollow       no job can wait for this job or batch
     ├── FenceLost          another monitor owns the job now
@@ -133,7 +133,7 @@ class JobEnded(FarmError):
 
 
 class JobNotEnded(FarmError):
-    """The job has not ended, so it cannot be archived or deleted."""
+    """The job has not ended, so it cannot be deleted."""
 
     def __init__(self, job_id: str, state: str) -> None:
         super().__init__(f"job {job_id} is {state}: it has not ended")

@@ -233,9 +233,6 @@ class Job(_Record):
         None, description="when the final images were written and everything else was cleared"
     )
 
-    archived_at: datetime | None = Field(
-        None, description="when it was archived: it is out of the list until it is restored"
-    )
     deleted_at: datetime | None = Field(
         None,
         description="when it was deleted: it is hidden, and can be restored until a sweep removes "

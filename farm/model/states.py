@@ -47,14 +47,6 @@ JOB_MOVES: Final[dict[JobState, frozenset[JobState]]] = {
 }
 
 
-class Visibility(str, Enum):
-    """Where an ended job is found; every other job is listed."""
-
-    LISTED = "listed"
-    ARCHIVED = "archived"  #: out of the list, until it is restored
-    DELETED = "deleted"  #: hidden, and forgotten by a later sweep unless it is restored
-
-
 def sources(target: JobState) -> tuple[JobState, ...]:
     """The states from which a job may become `target`."""
     return tuple(state for state, targets in JOB_MOVES.items() if target in targets)

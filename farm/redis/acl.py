@@ -24,7 +24,7 @@ so mark a job as failed or done, show a wrong image, forge an event of a webhook
 notified or an allowed command started, have a sweep remove a job as old, or block other workers by
 unreadable entries; it can fill Redis's memory, and keep Redis busy while it is connected. It sees
 the names of all keys, since a lease rebuilds a damaged index. It cannot learn or change API keys,
-secrets and addresses of webhooks, owners of jobs, which of them are archived or deleted, or the
+secrets and addresses of webhooks, owners of jobs, which of them are deleted, or the
 tokens of monitors. To shut it out, give its user another password in the file; then
 ``plateau-admin`` may have Redis read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER
 plateau-worker`).
@@ -92,7 +92,6 @@ _MONITOR: Final = (
     *(keys.job(_ID, part) for part in keys.JOB_PARTS if part not in QUEUE_PARTS),
     keys.JOBS,
     keys.UNFINISHED,
-    keys.ARCHIVED,
     keys.DELETED,
     keys.BATCHES,
     keys.GUARDED,

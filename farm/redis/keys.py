@@ -30,7 +30,6 @@ plateau:share:ID          hash    of key ID or "": priority → spp leased, queu
 plateau:share:ID:NAME     hash    the same of a batch                                  till none
 plateau:leases            zset    "ID ENTRY" of each lease, scored by its renewal (ms)  the lease's
 plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs        the jobs'
-plateau:jobs:archived     zset    archived jobs, scored as in plateau:jobs             till restored
 plateau:jobs:deleted      zset    deleted jobs, which are in no batch, scored so       till restored
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
 plateau:batches:guarded   set     batches whose jobs must all stop alike               its jobs'
@@ -101,8 +100,7 @@ plateau:job:ID:curve      stream  points; the entry's id is spp-0               
 plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
 plateau:job:ID:log        stream  how tries of slices ended, and their output, ~2000   the job's
 plateau:job:ID:sealed     hash    fields that workers cannot change: the job's API key,  the job's
-                                  ``owner`` and ``owner_name``; ``archived_at`` or
-                                  ``deleted_at`` (ms)
+                                  ``owner`` and ``owner_name``; ``deleted_at`` (ms)
 plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of     the job's
                                   shown results and of previews
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
@@ -141,7 +139,6 @@ TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
 KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
-ARCHIVED: Final = PREFIX + "jobs:archived"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
 GUARDED: Final = PREFIX + "batches:guarded"
@@ -249,7 +246,7 @@ def scene_going(sha256: str) -> str:
 LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
 local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
-local ARCHIVED, DELETED = '{ARCHIVED}', '{DELETED}'
+local DELETED = '{DELETED}'
 local FREE = '{FREE}'
 local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
 local NEEDS, KINDS, IDLE, IDLE_KINDS = '{NEEDS}', '{KINDS}', '{IDLE}', '{IDLE}:kinds'

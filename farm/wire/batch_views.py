@@ -7,7 +7,7 @@ from urllib.parse import quote
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.batch import Batch, BatchLine, Steered
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
 
 
@@ -24,7 +24,6 @@ def _links(name: str) -> dict[str, str]:
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
-        "archive": f"{root}/archive",
         "restore": f"{root}/restore",
         "guard": f"{root}/guard",
         "shot": f"{root}/shot",
@@ -129,9 +128,6 @@ class SteeredJob(BaseModel):
     done: bool = Field(description="whether it is so now; perhaps it was before")
     state: JobState | None = Field(None, description="its state; null where the job was left alone")
     why_not: str | None = Field(None, description="why it was not done")
-    before: Visibility | None = Field(
-        None, description="of a job that was archived, deleted or restored: where it was before"
-    )
 
 
 class BatchSteered(BaseModel):

@@ -321,7 +321,7 @@ PROBLEM_DETAILS: Final = {
     f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
     "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
-    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be archived, "
+    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be "
     "deleted or tried again: cancel it first",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "

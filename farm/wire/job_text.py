@@ -168,11 +168,6 @@ def title_with_parameters(job: Job) -> str:
     return " ".join((title(job), *values))
 
 
-def filed(job: Job) -> list[str]:
-    """Whether the job is archived or deleted."""
-    return ["deleted"] if job.deleted_at else ["archived"] if job.archived_at else []
-
-
 def pauses(job: Job) -> str:
     """For how long the job was paused before, and since when it is paused now."""
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
@@ -245,8 +240,6 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("to come", f"{to_come}{forecast}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))
-    if job.archived_at is not None:
-        rows.append(("archived", f"since {job.archived_at:%Y-%m-%d %H:%M:%S} UTC"))
     if job.deleted_at is not None:
         undo = f"`plateau restore {job.id}` undoes it for a while"
         rows.append(("deleted", f"since {job.deleted_at:%Y-%m-%d %H:%M:%S} UTC; {undo}"))

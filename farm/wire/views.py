@@ -315,7 +315,6 @@ def job_view(
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
-        "archive": f"{root}/archive",
         "restore": f"{root}/restore",
         "retry": f"{root}/retry",
         "continue": f"{root}/continue",

@@ -25,7 +25,6 @@ Offered = list[tuple[str, str]]
 _ENDED: Final = {"converged", "exhausted", "cancelled", "failed"}
 #: By command: the states of the jobs that it can change. Other commands take any job.
 _USEFUL: Final = {
-    "archive": _ENDED,
     "cancel": {"queued", "rendering", "paused"},
     "delete": _ENDED,
     "pause": {"rendering"},
@@ -40,11 +39,7 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
         from plateau.commands.connect import connect
 
         with connect(ctx.params.get("url"), timeout_s=1.0, quiet=True) as client:
-            if ctx.info_name == "restore":
-                found = client.jobs(limit=200, archived=True), client.jobs(limit=200, deleted=True)
-                jobs = [job for page in found for job in page.jobs]
-            else:
-                jobs = client.jobs(limit=200).jobs
+            jobs = client.jobs(limit=200, deleted=ctx.info_name == "restore").jobs
     except Exception:  # noqa: BLE001  (the command itself will report the error)
         return []
     useful = _USEFUL.get(ctx.info_name or "")

@@ -216,7 +216,6 @@ def list_jobs(
             "owner's name or a required tag.",
         ),
     ] = None,
-    archived: Annotated[bool, typer.Option("--archived", help="Only archived jobs.")] = False,
     deleted: Annotated[
         bool, typer.Option("--deleted", help="Only deleted jobs, which can be restored.")
     ] = False,
@@ -237,7 +236,6 @@ def list_jobs(
         batch=batch,
         owner=owner,
         search=search,
-        archived=archived,
         deleted=deleted,
         limit=limit,
         url=url,

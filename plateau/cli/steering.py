@@ -1,4 +1,4 @@
-"""Commands that control jobs and batches, and put away those that have ended."""
+"""Commands that control jobs and batches, and delete those that have ended."""
 
 from typing import Annotated
 
@@ -52,20 +52,6 @@ def resume(
 
 
 @app.command()
-def archive(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Archive an ended job, or those of a batch: lists leave them out.
-
-    For example:
-      plateau archive 3f9ac2d01b77
-      plateau list --archived
-      plateau restore 3f9ac2d01b77
-    """
-    _steer(job_id, batch, "archive", url=url, as_json=as_json)
-
-
-@app.command()
 def delete(
     job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
 ) -> None:
@@ -86,7 +72,7 @@ def delete(
 def restore(
     job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
 ) -> None:
-    """Put an archived or deleted job, or those of a batch, back into the list.
+    """Put a deleted job, or those of a batch, back into the list.
 
     For example:
       plateau restore 3f9ac2d01b77

@@ -116,8 +116,6 @@ class AsyncClient:
 
     all_batches = _iterated(Client.all_batches)
     all_jobs = _iterated(Client.all_jobs)
-    archive = _awaited(Client.archive)
-    archive_batch = _awaited(Client.archive_batch)
     array = _awaited(Client.array)
     batch = _awaited(Client.batch)
     batches = _awaited(Client.batches)

@@ -132,16 +132,12 @@ class BatchCalls(Calls):
         """Resume the paused batch; returns the outcome for each job."""
         return self._steer_batch(name, "resume")
 
-    def archive_batch(self, name: str) -> BatchSteered:
-        """Archive the batch's jobs that have ended; returns the outcome for each job."""
-        return self._steer_batch(name, "archive")
-
     def delete_batch(self, name: str) -> BatchSteered:
         """Delete the batch's jobs that have ended; returns the outcome for each job."""
         return self._transport.ask(BatchSteered, "DELETE", batch_path(name))
 
     def restore_batch(self, name: str) -> BatchSteered:
-        """Restore the batch's archived and deleted jobs; returns the outcome for each job."""
+        """Restore the batch's deleted jobs; returns the outcome for each job."""
         return self._steer_batch(name, "restore")
 
     def _steer_batch(self, name: str, action: str) -> BatchSteered:

@@ -80,7 +80,7 @@ class JobCalls(Calls):
         BadId
             None of the newest 1,000 jobs has such an id, or several have.
         """
-        return whole_id(job_id, self.all_jobs(archived=None, deleted=None))
+        return whole_id(job_id, self.all_jobs(deleted=None))
 
     def job(self, job_id: str) -> JobView:
         """The current state of the job."""
@@ -93,7 +93,6 @@ class JobCalls(Calls):
         batch: str | None = None,
         owner: str | None = None,
         search: str | None = None,
-        archived: bool | None = False,
         deleted: bool | None = False,
         cursor: str | None = None,
         limit: int = 50,
@@ -107,8 +106,8 @@ class JobCalls(Calls):
         search
             Only jobs in which each of these words occurs: in the id, the name, the batch, the
             owner's name or a required tag.
-        archived, deleted
-            Only jobs that are, or are not, archived or deleted; None for both kinds.
+        deleted
+            Whether only deleted jobs, or only others; None for both.
         cursor
             `next_cursor` of the previous page.
         limit
@@ -124,7 +123,6 @@ class JobCalls(Calls):
             "batch": batch,
             "owner": owner,
             "search": search,
-            "archived": _whether(archived),
             "deleted": _whether(deleted),
             "cursor": cursor,
             "limit": limit,
@@ -139,7 +137,6 @@ class JobCalls(Calls):
         batch: str | None = None,
         owner: str | None = None,
         search: str | None = None,
-        archived: bool | None = False,
         deleted: bool | None = False,
     ) -> Iterator[JobView]:
         """Every such job, newest first; pages are fetched as they are needed.
@@ -153,7 +150,6 @@ class JobCalls(Calls):
                 batch=batch,
                 owner=owner,
                 search=search,
-                archived=archived,
                 deleted=deleted,
                 cursor=cursor,
                 limit=_LARGEST_PAGE,
@@ -195,16 +191,6 @@ class JobCalls(Calls):
         """
         return self._steer(job_id, "resume")
 
-    def archive(self, job_id: str) -> JobView:
-        """Archive the ended job: lists leave it out. Archiving it again is harmless.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``job-not-ended``; ``uneven-batch`` as for `restore`.
-        """
-        return self._steer(job_id, "archive")
-
     def delete(self, job_id: str) -> JobView:
         """Delete the ended job; `restore` undoes that until a sweep has removed it.
 
@@ -218,7 +204,7 @@ class JobCalls(Calls):
         return self._transport.ask(JobView, "DELETE", f"/v1/jobs/{job_id}")
 
     def restore(self, job_id: str) -> JobView:
-        """Put the archived or deleted job back into the list; restoring it again is harmless.
+        """Put the deleted job back into the list; restoring it again is harmless.
 
         Raises
         ------

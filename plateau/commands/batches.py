@@ -120,7 +120,7 @@ def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
 
 def in_order(client: Client, batch: BatchView) -> list[JobView]:
     """Return the jobs of a batch in their order."""
-    jobs = {job.id: job for job in client.all_jobs(batch=batch.name, archived=None)}
+    jobs = {job.id: job for job in client.all_jobs(batch=batch.name)}
     return [jobs[job_id] for job_id in batch.job_ids if job_id in jobs]
 
 
@@ -180,7 +180,6 @@ def steer(name: str, action: str, *, url: str | None, as_json: bool) -> None:
             "cancel": client.cancel_batch,
             "pause": client.pause_batch,
             "resume": client.resume_batch,
-            "archive": client.archive_batch,
             "delete": client.delete_batch,
             "restore": client.restore_batch,
         }

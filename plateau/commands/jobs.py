@@ -132,7 +132,6 @@ def list_jobs(
     batch: str | None,
     owner: str | None,
     search: str | None,
-    archived: bool,
     deleted: bool,
     limit: int,
     url: str | None,
@@ -148,7 +147,6 @@ def list_jobs(
                 batch=batch,
                 owner=owner,
                 search=search,
-                archived=archived,
                 deleted=deleted,
                 cursor=cursor,
                 limit=min(limit - len(jobs), _PAGE),
@@ -165,18 +163,17 @@ def list_jobs(
 
 
 def steer(job_id: str, action: str, *, url: str | None, as_json: bool) -> None:
-    """Cancel, pause or resume a job that renders; archive, delete or restore one that has ended."""
+    """Cancel, pause or resume a job that renders; delete or restore one that has ended."""
     with connect(url) as client:
         calls = {
             "cancel": client.cancel,
             "pause": client.pause,
             "resume": client.resume,
-            "archive": client.archive,
             "delete": client.delete,
             "restore": client.restore,
         }
         job = calls[action](client.whole_id(job_id))
-    shown = f"{job.id} {', '.join((job.outcome, *job_text.filed(job)))}"
+    shown = f"{job.id} {job.outcome}{', deleted' if job.deleted_at else ''}"
     print(job.model_dump_json(indent=2) if as_json else shown)
 
 

@@ -12,11 +12,11 @@ from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.starts import Starts
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.allowed_commands import AllowedCommands
@@ -43,6 +43,7 @@ from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import batches as routes_batches
 from plateau.service.api.routes import blocking as routes_blocking
 from plateau.service.api.routes import continuing as routes_continue
+from plateau.service.api.routes import deletions as routes_deletions
 from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
 from plateau.service.api.routes import images as routes_images
@@ -54,7 +55,6 @@ from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import usage as routes_usage
-from plateau.service.api.routes import visibility as routes_visibility
 from plateau.service.api.routes import webhooks as routes_webhooks
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
@@ -115,7 +115,7 @@ def create_app(
         starts=Starts(client),
         scenes=SceneIndex(client),
         batches=Batches(client),
-        visibility=Visibilities(client),
+        deletions=Deletions(client),
         continuations=Continuations(client),
         blobs=blobs,
         files=StoredFiles(blobs, ledger),
@@ -135,7 +135,7 @@ def create_app(
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
         routes_jobs,
-        routes_visibility,
+        routes_deletions,
         routes_batches,
         routes_shots,
         routes_continue,

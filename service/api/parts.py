@@ -9,11 +9,11 @@ from fastapi import Depends, Request
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.starts import Starts
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
@@ -38,7 +38,7 @@ class Parts:
     starts: Starts
     scenes: SceneIndex
     batches: Batches
-    visibility: Visibilities
+    deletions: Deletions
     continuations: Continuations
     blobs: Blobs
     files: StoredFiles

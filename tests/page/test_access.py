@@ -78,7 +78,7 @@ def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str)
     page.get_by_role("button", name="Cancel the job").click()
     expect(page.locator(".job[data-state=cancelled]")).to_have_count(1)
     page.get_by_role("button", name="Actions for other").click()
-    page.get_by_role("button", name="Archive", exact=True).click()
+    page.get_by_role("button", name="Delete", exact=True).click()
     page.get_by_role("button", name="Undo").wait_for()
     page.get_by_role("button", name="Views").click()
     assert violations(page) == []

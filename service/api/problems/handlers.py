@@ -127,7 +127,7 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
     @app.exception_handler(JobNotEnded)
     def answer_not_ended(request: Request, error: JobNotEnded) -> JSONResponse:
         detail = (
-            f"job {error.job_id} is {error.state}; only a job that has ended can be archived, "
+            f"job {error.job_id} is {error.state}; only a job that has ended can be "
             "deleted or tried again: cancel it first"
         )
         problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)

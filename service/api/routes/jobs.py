@@ -213,10 +213,6 @@ def list_jobs(
             examples=["dusk frame"],
         ),
     ] = "",
-    archived: Annotated[
-        Whether,
-        Query(description="leave archived jobs out, or list only those, or both", examples=["any"]),
-    ] = "false",
     deleted: Annotated[
         Whether,
         Query(
@@ -239,7 +235,6 @@ def list_jobs(
         batch=batch,
         owner=owner,
         search=search,
-        archived=_WHETHER[archived],
         deleted=_WHETHER[deleted],
         before=before,
         limit=limit,

@@ -5,7 +5,7 @@ import { unblock } from "../shared/blocked_workers.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { controls, mayControl } from "../shared/job_controls.js";
-import { file, filedSince, filingButtons, filings } from "../shared/job_filing.js";
+import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
 import { ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
@@ -103,7 +103,7 @@ export function open(main, { id, signal, go }) {
       job.variant,
       job.spec.batch && `batch ${job.spec.batch}`,
       job.owner_name && `by ${job.owner_name}`,
-      filedSince(job),
+      deletedSince(job),
       ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : timeLeft(job) || `submitted ${ago(job.created_at)}`,
     ].filter(Boolean).join(" · "));
     before.hidden = !job.continues;
@@ -118,12 +118,12 @@ export function open(main, { id, signal, go }) {
     const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
-    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${filings(job)} ${maySteer(job)} ${maySubmit()}`;
+    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${deletions(job)} ${maySteer(job)} ${maySubmit()}`;
     if (kind !== shown) {
       shown = kind;
       const buttons = [continueButton, rejudgeButton, studyButton, againButton].map((make) => make(job, go)).filter((one) => one !== null);
       actions.replaceChildren(...buttons, ...controls(() => newest, look),
-        ...filingButtons(filings(job), (what) => file([newest], what, look)));
+        ...deletionButtons(deletions(job), (what) => deleteOrRestore([newest], what, look)));
     }
     chart.show(job, points);
     failure.show(job, go);

@@ -30,7 +30,7 @@ export class BatchGroup {
       h("summary", {}, h("span", { class: "batch-name" }, group.batch), this.#counts),
       list);
     this.element = h("li", { class: "batch" }, this.#details,
-      batchMenu(this.#batch, () => this.#jobs, (id) => this.#nameOf(id), context.refresh, context.filed).element);
+      batchMenu(this.#batch, () => this.#jobs, (id) => this.#nameOf(id), context.refresh, context.deleted).element);
     this.#rows = new KeyedList(list, (/** @type {ListedJob} */ job) => new JobRow(job, context));
   }
 

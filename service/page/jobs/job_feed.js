@@ -92,8 +92,7 @@ export class JobFeed {
    */
   #page(query) {
     const [batch, search, show] = ["batch", "search", "show"].map((name) => this.#asked.get(name));
-    const filed = show === "archived" || show === "deleted" ? { [show]: "true" } : {};
-    const asked = { state: this.#asked.get("state"), batch, search, ...filed, ...query };
+    const asked = { state: this.#asked.get("state"), batch, search, deleted: show === "deleted", ...query };
     const given = Object.entries(asked).filter(([, value]) => value).map(([name, value]) => [name, String(value)]);
     return get(`/v1/jobs?${new URLSearchParams(given)}`, this.#signal);
   }

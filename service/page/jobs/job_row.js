@@ -3,7 +3,7 @@
 import { get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
-import { filedSince } from "../shared/job_filing.js";
+import { deletedSince } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
 import { asked, ENDED, outcome, savings, timeLeft, title, took } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
@@ -18,7 +18,7 @@ const PICTURE_EVERY_MS = 4000;
 /** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
  *   a job with the number of its workers, and its differences from the others of its batch */
 /** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
-/** @typedef {{ signal: AbortSignal, refresh: () => unknown, filed: (ids: string[]) => unknown, visible: Visible, selection: Selection }} RowContext */
+/** @typedef {{ signal: AbortSignal, refresh: () => unknown, deleted: (ids: string[]) => unknown, visible: Visible, selection: Selection }} RowContext */
 
 /** How many more rows may start a fetch now. */
 let free = 4;
@@ -69,11 +69,11 @@ export class JobRow {
    * @param {ListedJob} job
    * @param {RowContext} context
    */
-  constructor(job, { signal, refresh, filed, visible, selection }) {
+  constructor(job, { signal, refresh, deleted, visible, selection }) {
     this.#job = job;
     this.#signal = signal;
     this.#selection = selection;
-    this.#menu = jobMenu(() => this.#job, refresh, filed);
+    this.#menu = jobMenu(() => this.#job, refresh, deleted);
     this.element = h("li", { class: "job" },
       h("div", { class: "thumb" }, this.#image, this.#pick),
       h("div", { class: "what" },
@@ -109,7 +109,7 @@ export class JobRow {
     this.#id.show(job.id);
     setText(this.#asked, asked(job, { withParameters: !job.told }).join(" · "));
     setAttribute(this.#asked, "title", this.#asked.textContent);
-    const why = [filedSince(job), job.waits_for ?? job.reason].filter(Boolean).join(" · ");
+    const why = [deletedSince(job), job.waits_for ?? job.reason].filter(Boolean).join(" · ");
     setText(this.#why, why);
     setAttribute(this.#why, "title", why);
     setText(this.#spp, `${whole(job.spp)} spp`);

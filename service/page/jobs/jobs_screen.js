@@ -45,7 +45,7 @@ export function open(main, { signal, go }) {
   states.offer(STATES);
   const batches = filter("Batch", "batch", "any batch");
   const shelves = filter("Show", "show", "current jobs");
-  shelves.offer(["archived", "deleted"]);
+  shelves.offer(["deleted"]);
   const search = h("input", { type: "search", "aria-label": "Search the jobs", placeholder: "Search",
     maxlength: 200, value: asked.get("search"), oninput: () => { narrow("search", search.value.trim()); } });
   const order = h("select", { "aria-label": "Order", onchange: () => { narrow("sort", order.value); } },
@@ -53,7 +53,7 @@ export function open(main, { signal, go }) {
     [...ORDERS].map(([value, { words }]) => h("option", { value }, words)));
   const sort = asked.get("sort") ?? "";
   order.value = ORDERS.has(sort) ? sort : "";
-  const selection = new Selection(show, refresh, filed);
+  const selection = new Selection(show, refresh, deleted);
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
   const more = h("button", { class: "more", hidden: true, onclick: () => older().catch(() => {}) }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
@@ -63,7 +63,7 @@ export function open(main, { signal, go }) {
       h("div", { class: "filters" }, search, states.label, batches.label, shelves.label, order, viewsMenu())),
     list, nothing, more, selection.element);
 
-  const context = { signal, refresh, filed, visible, selection };
+  const context = { signal, refresh, deleted, visible, selection };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
@@ -131,10 +131,10 @@ export function open(main, { signal, go }) {
   }
 
   /**
-   * Jobs were archived, deleted or restored, and so leave the list.
+   * Jobs were deleted or restored, and so leave the list.
    * @param {string[]} ids
    */
-  async function filed(ids) {
+  async function deleted(ids) {
     feed.drop(ids);
     if (!signal.aborted) await refresh();
   }

@@ -5,28 +5,25 @@ import { confirmed } from "../shared/dialogs.js";
 import { h, setAttribute } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
-import { file, filingButtons, filings, putBack } from "../shared/job_filing.js";
+import { deleteOrRestore, deletionButtons, deletions, restore } from "../shared/job_deletion.js";
 import { ENDED } from "../shared/job_summary.js";
 import { attempt, complain, offerUndo, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
 import { showGuard } from "./flicker_guard.js";
 import { showShot } from "./shot_dialog.js";
 
-/** @import { Filing } from "../shared/job_filing.js" */
-
-/** Where a filing puts a job. */
-const TO = { archive: "archived", delete: "deleted", restore: "listed" };
+/** @import { Deletion } from "../shared/job_deletion.js" */
 
 /**
  * The menu of a job.
  * @param {() => Api.JobView} jobNow
  * @param {() => unknown} refresh
- * @param {(ids: string[]) => unknown} filed
+ * @param {(ids: string[]) => unknown} deleted
  */
-export function jobMenu(jobNow, refresh, filed) {
+export function jobMenu(jobNow, refresh, deleted) {
   return menuButton(() => {
     const found = [...controls(jobNow, refresh),
-      ...filingButtons(filings(jobNow()), (what) => file([jobNow()], what, filed))];
+      ...deletionButtons(deletions(jobNow()), (what) => deleteOrRestore([jobNow()], what, deleted))];
     if (found.length) return found;
     const { owner_name: owner } = jobNow();
     return [h("p", {}, `It is ${owner ? `${owner}'s` : "nobody's"}, and your key may not change it.`)];
@@ -39,27 +36,26 @@ export function jobMenu(jobNow, refresh, filed) {
  * @param {() => Api.JobView[]} jobsNow
  * @param {(id: string) => string} nameOf - the name of a job
  * @param {() => unknown} refresh
- * @param {(ids: string[]) => unknown} filed
+ * @param {(ids: string[]) => unknown} deleted
  */
-export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
+export function batchMenu(batch, jobsNow, nameOf, refresh, deleted) {
   const path = `/v1/batches/${encodeURIComponent(batch)}`;
   const all = (/** @type {string} */ what, /** @type {string} */ done) =>
     attempt(() => send("POST", `${path}/${what}`), done, refresh);
-  /** @param {Filing} what */
-  async function fileAll(what) {
+  /** @param {Deletion} what */
+  async function deleteAll(what) {
     try {
       /** @type {Api.BatchSteered} */
-      const { jobs } = await (what === "delete" ? send("DELETE", path) : send("POST", `${path}/${what}`));
-      const changed = jobs.filter(({ done, before }) => done && before !== TO[what]);
-      const ids = changed.map(({ job }) => job);
+      const { jobs } = await (what === "delete" ? send("DELETE", path) : send("POST", `${path}/restore`));
+      const ids = jobs.filter(({ done }) => done).map(({ job }) => job);
       complain("");
       if (what === "restore") say(`The jobs of ${batch} are restored`);
-      else offerUndo(`${several(ids.length, "job")} of ${batch} ${ids.length === 1 ? "is" : "are"} ${what}d`, async () => {
-        await putBack(changed);
+      else offerUndo(`${several(ids.length, "job")} of ${batch} ${ids.length === 1 ? "is" : "are"} deleted`, async () => {
+        await restore(ids);
         say(`The jobs of ${batch} are put back`);
-        await filed([]);
+        await deleted([]);
       });
-      await filed(ids);
+      await deleted(ids);
     } catch (error) {
       complain(error, true);
     }
@@ -75,7 +71,7 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
     const guard = !jobsNow()[0].deleted_at && h("button", { onclick: () => showGuard(batch, nameOf) }, "Will it flicker?");
     const shot = jobsNow().some((job) => job.in_shot) && h("button", { onclick: () => showShot(batch, nameOf) }, "Look at the shot");
     if (!maySubmit()) return [shot, guard || h("p", {}, "Your key may not change it.")];
-    const ended = new Set(jobsNow().flatMap(filings));
+    const ended = new Set(jobsNow().flatMap(deletions));
     return [
       states.has("rendering") && h("button", { onclick: () => all("pause", `${batch} is paused`) }, "Pause all"),
       states.has("paused") && h("button", { onclick: () => all("resume", `${batch} is resumed`) }, "Resume all"),
@@ -83,7 +79,7 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
       shot,
       guard,
       ended.size > 0 && h("p", { class: "hint" }, states.size ? "Those that have ended:" : "All its jobs have ended."),
-      ...filingButtons([...ended], fileAll),
+      ...deletionButtons([...ended], deleteAll),
     ];
   });
   menu.name(`Actions for the batch ${batch}`);

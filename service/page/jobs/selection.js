@@ -5,22 +5,22 @@ import { confirmed } from "../shared/dialogs.js";
 import { byId, h, setAttribute, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { mayControl, priorityForm } from "../shared/job_controls.js";
-import { each, file, filingButtons, filings } from "../shared/job_filing.js";
+import { deleteOrRestore, deletionButtons, deletions, each } from "../shared/job_deletion.js";
 import { say } from "../shared/notices.js";
 import { comparisonOf } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 
-/** @import { Filing } from "../shared/job_filing.js" */
+/** @import { Deletion } from "../shared/job_deletion.js" */
 
-/** @type {Filing[]} */
-const FILINGS = ["archive", "restore", "delete"];
+/** @type {Deletion[]} */
+const DELETIONS = ["restore", "delete"];
 /** Jobs whose results the API sends in one zip. */
 const MOST_DOWNLOADED = 200;
 
 export class Selection {
   #changed;
   #refresh;
-  #filed;
+  #deleted;
   /** @type {Set<string>} */
   #ids = new Set();
   /**
@@ -38,23 +38,23 @@ export class Selection {
     ({ links }) => send("PATCH", links.self, { priority })));
   #compare = h("a", { class: "button", hidden: true }, "Compare");
   #download = downloadLink("", "results.zip", "Download");
-  #filings = filingButtons(FILINGS, (what) => file(this.#fit(what), what, this.#filed));
+  #deletions = deletionButtons(DELETIONS, (what) => deleteOrRestore(this.#fit(what), what, this.#deleted));
   #every = h("button", { class: "quiet", onclick: () => this.#select(this.#jobs.map(({ id }) => id)) });
   #clear = h("button", { class: "quiet", onclick: () => this.#select([]) }, "Clear");
   #bar = [
-    this.#count, this.#compare, this.#download, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
+    this.#count, this.#compare, this.#download, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#deletions, this.#every, this.#clear,
   ];
   element = h("div", { class: "selected", role: "region", "aria-label": "Selected jobs", hidden: true });
 
   /**
    * @param {() => void} changed - called when jobs are selected or not any more
    * @param {() => unknown} refresh - called when jobs were changed
-   * @param {(ids: string[]) => unknown} filed - called when jobs were archived, deleted or restored
+   * @param {(ids: string[]) => unknown} deleted - called when jobs were deleted or restored
    */
-  constructor(changed, refresh, filed) {
+  constructor(changed, refresh, deleted) {
     this.#changed = changed;
     this.#refresh = refresh;
-    this.#filed = filed;
+    this.#deleted = deleted;
   }
 
   /**
@@ -80,7 +80,7 @@ export class Selection {
     this.#download.className = "button";
     setText(this.#download, images.length < selected.length ? `Download ${images.length}` : "Download");
     setAttribute(this.#download, "href", `/v1/results.zip?${images.map(({ id }) => `job=${id}`).join("&")}`);
-    FILINGS.forEach((what, at) => (this.#filings[at].hidden = !this.#fit(what).length));
+    DELETIONS.forEach((what, at) => (this.#deletions[at].hidden = !this.#fit(what).length));
     this.#every.hidden = selected.length === this.#jobs.length;
     if (this.element.hidden === Boolean(selected.length)) {
       this.element.hidden = !selected.length;
@@ -121,11 +121,11 @@ export class Selection {
   }
 
   /**
-   * The selected jobs that can be filed so.
-   * @param {Filing} what
+   * The selected jobs with which this can be done.
+   * @param {Deletion} what
    */
   #fit(what) {
-    return this.#selected().filter((job) => filings(job).includes(what));
+    return this.#selected().filter((job) => deletions(job).includes(what));
   }
 
   /**

@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 
 from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.continuation import Remains, changed_spec, check
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.errors import CannotContinue, CannotFollow
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from tests.farm.ledger.test_waiting import quick as quick
 from tests.support.long_tests import WANTED
@@ -147,7 +147,7 @@ def test_one_bad_job_of_a_batch_is_enough(farm: Farm) -> None:
     with pytest.raises(CannotFollow, match=rf"job box \({first.id}\) failed, so nothing can"):
         farm.job("walk")
     # A deleted job is in no batch
-    Visibilities(farm.client).set(first.id, Visibility.DELETED)
+    Deletions(farm.client).set(first.id, deleted=True)
     assert farm.job("walk").awaits == 1
     farm.ends(second, JobState.CONVERGED)
     assert no_gates(farm.client)
@@ -156,9 +156,8 @@ def test_one_bad_job_of_a_batch_is_enough(farm: Farm) -> None:
 def test_what_has_ended_well_is_not_waited_for(farm: Farm) -> None:
     done = farm.job(batch="walk")
     farm.ends(done, JobState.EXHAUSTED)
-    Visibilities(farm.client).set(done.id, Visibility.ARCHIVED)
     assert farm.job(done.id, "walk").awaits == 0
-    Visibilities(farm.client).set(done.id, Visibility.DELETED)
+    Deletions(farm.client).set(done.id, deleted=True)
     with pytest.raises(CannotFollow, match=f"job {done.id} was deleted; restore it first"):
         farm.job(done.id)
 

@@ -18,15 +18,15 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.errors import FenceLost, JobNotFound, StoreUnavailable, WrongStore
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.scenes import ForgetScene
 from plateau.farm.sweep import Swept, sweep
@@ -160,45 +160,44 @@ class TestFinishedJobs:
     def test_go_some_time_after_they_were_deleted(
         self, client: redis.Redis, jobs: Jobs, store: Blobs
     ) -> None:
-        filing, gone, restored, archived, late = (
-            Visibilities(client),
-            *(finished(client, store) for _ in range(4)),
+        deletions, gone, restored, late = (
+            Deletions(client),
+            *(finished(client, store) for _ in range(3)),
         )
         for job in (gone, restored, late):
-            filing.set(job.id, Visibility.DELETED)
-        filing.set(archived.id, Visibility.ARCHIVED)
+            deletions.set(job.id, deleted=True)
         for job in (gone, restored):
             at = float(client.hget(keys.job(job.id, "sealed"), "deleted_at"))
             client.hset(keys.job(job.id, "sealed"), "deleted_at", at - round(DAY_S * 1000))
         asked = {"deleted_older_than_s": DAY_S}
         assert sweep(client, store, **asked, dry_run=True).deleted == 2
-        filing.set(restored.id, Visibility.LISTED)
+        deletions.set(restored.id, deleted=False)
         swept = sweep(client, store, **asked)
         assert swept == Swept(jobs=0, deleted=1, scenes=0, orphans=0, blobs=3, freed_bytes=30)
         assert keys_of(client, gone.id) == set()
         assert store.names(f"jobs/{gone.id}/") == []
-        every = jobs.search(archived=None, deleted=None)[0]
-        assert [job.id for job in every] == [late.id, archived.id, restored.id]
+        every = jobs.search(deleted=None)[0]
+        assert [job.id for job in every] == [late.id, restored.id]
         assert client.zrange(keys.DELETED, 0, -1) == [late.id]
 
     def test_one_that_was_deleted_stays_while_another_continues_it(
         self, client: redis.Redis, jobs: Jobs, store: Blobs
     ) -> None:
-        filing, old = Visibilities(client), finished(client, store, keep_slices=True)
+        deletions, old = Deletions(client), finished(client, store, keep_slices=True)
         continuations = Continuations(client)
         spec = old.spec.model_copy(update={"max_spp": 20_000})
         remains = continuations.remains(jobs.get(old.id))
         new = continuations.start(jobs.get(old.id), remains, spec, idempotency_key="").job
-        filing.set(old.id, Visibility.DELETED)
+        deletions.set(old.id, deleted=True)
         assert sweep(client, store, deleted_older_than_s=0) == NOTHING
         assert jobs.get(old.id).deleted_at is not None
         # Until that one has gone, too
         staged = StagedJob(client, new.id)
         staged.end(JobState.CANCELLED)
         staged.finish()
-        filing.set(new.id, Visibility.DELETED)
+        deletions.set(new.id, deleted=True)
         assert sweep(client, store, deleted_older_than_s=0).deleted == 2
-        assert jobs.search(archived=None, deleted=None)[0] == []
+        assert jobs.search(deleted=None)[0] == []
 
     @pytest.mark.parametrize("stage", ["queued", "rendering", "ended"])
     def test_but_never_one_that_is_not_finished(

@@ -345,17 +345,13 @@ class TestTalkingToAService:
         code, _, err = plateau("log", job.id, "--slice", "400")
         assert (code, "has no slice 400" in err) == (1, True)
 
-    def test_what_was_put_away_is_listed_apart_and_comes_back(self, client: redis.Redis) -> None:
+    def test_what_was_deleted_is_listed_apart_and_comes_back(self, client: redis.Redis) -> None:
         job = StagedJob(client, batch="walk", name="lamp")
         assert plateau("delete", job.id)[0] == 1
         job.end(JobState.CANCELLED)
-        for command, option, said in (
-            ("archive", "--archived", "cancelled, archived"),
-            ("delete", "--deleted", "cancelled, deleted"),
-        ):
-            assert plateau(command, job.id) == (0, f"{job.id} {said}\n", "")
-            assert plateau("list") == (0, "", "no jobs\n")
-            assert plateau("list", option)[1].startswith(f"{job.id}\tcancelled\t")
+        assert plateau("delete", job.id) == (0, f"{job.id} cancelled, deleted\n", "")
+        assert plateau("list") == (0, "", "no jobs\n")
+        assert plateau("list", "--deleted")[1].startswith(f"{job.id}\tcancelled\t")
         assert f"`plateau restore {job.id}` undoes it" in plateau("show", job.id)[1]
         assert plateau("restore", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
         assert plateau("list", "--search", "LAMP walk")[1].startswith(job.id)

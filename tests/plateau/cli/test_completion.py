@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from plateau import scenes
 from plateau.cli import complete
 from plateau.cli.bash_completion import joined
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.renderers import VARIANTS
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from tests.support.farms.staged_job import StagedJob
 
 Offers = Callable[..., list[str]]
@@ -126,7 +126,7 @@ def test_jobs_are_offered_where_something_can_be_done_with_them(
         if state == "converged":
             staged.end()
     put_away = Jobs(client).cancel(StagedJob(client).id).id
-    Visibilities(client).set(put_away, Visibility.DELETED)
+    Deletions(client).set(put_away, deleted=True)
     for command, states in {
         "show": ("queued", "rendering", "paused", "converged"),
         "cancel": ("queued", "rendering", "paused"),

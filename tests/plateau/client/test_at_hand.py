@@ -77,20 +77,18 @@ def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
         next(plateau.events(unknown))
 
 
-def test_ended_jobs_are_put_away_and_come_back(plateau: Client, client: redis.Redis) -> None:
+def test_ended_jobs_are_deleted_and_come_back(plateau: Client, client: redis.Redis) -> None:
     job = StagedJob(client, batch="walk").id
     with pytest.raises(ApiError, match="cancel it first"):
-        plateau.archive(job)
+        plateau.delete(job)
     plateau.cancel(job)
-    assert plateau.archive(job).archived_at is not None
     assert plateau.delete(job[:5]).deleted_at is not None
-    assert list(plateau.all_jobs()) == list(plateau.all_jobs(archived=True)) == []
+    assert list(plateau.all_jobs()) == []
     assert [one.id for one in plateau.all_jobs(deleted=True, search="box")] == [job]
     # A deleted job can still be named by the beginning of its id
-    restored = plateau.restore(job[:5])
-    assert (restored.archived_at, restored.deleted_at) == (None, None)
+    assert plateau.restore(job[:5]).deleted_at is None
     assert [one.id for one in plateau.jobs(search="walk").jobs] == [job]
-    for call in (plateau.archive_batch, plateau.delete_batch, plateau.restore_batch):
+    for call in (plateau.delete_batch, plateau.restore_batch):
         assert call("walk").done == 1
     assert plateau.batch("walk").job_ids == [job]
 

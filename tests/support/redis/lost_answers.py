@@ -11,6 +11,7 @@ from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
@@ -18,13 +19,12 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork, note_sweep
-from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.job import utc_now
 from plateau.farm.model.shot import FrameAnswer, FrameWait, ShotLook
 from plateau.farm.model.spec import BatchSpec, JobSpec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
@@ -479,10 +479,17 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.jobs.resume(job)
 
 
-@case("set_visibility", is_anything, answers_before=2)
+@case("set_deleted", is_anything)
 def _(world: World) -> Callable[[], object]:
     job = world.finished(batch="frames")
-    return lambda: Visibilities(world.lossy).set(job, Visibility.ARCHIVED)
+    return lambda: Deletions(world.lossy).set(job, deleted=True)
+
+
+@case("set_deleted: restored", is_anything, answers_before=2)
+def _(world: World) -> Callable[[], object]:
+    job = world.finished()
+    Deletions(world.direct).set(job, deleted=True)
+    return lambda: Deletions(world.lossy).set(job, deleted=False)
 
 
 @case("reprioritise", lambda job: job.spec.priority == 7)

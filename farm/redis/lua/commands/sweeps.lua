@@ -25,7 +25,6 @@ function for_farm.forget(it)
   if job[3] then redis.call('HINCRBY', job_key(job[3]), 'continued', -1) end
   redis.call('ZREM', JOBS, id)
   redis.call('ZREM', in_state_key(redis.call('HGET', job_key(id), 'state')), id)
-  redis.call('ZREM', ARCHIVED, id)
   redis.call('ZREM', DELETED, id)
   Job.leave_batch(id)
   local owner = redis.call('HGET', job_key(id, 'sealed'), 'owner')

@@ -105,7 +105,7 @@ class TestAQueryParameter:
         [error] = found["errors"]
         assert error["field"] == "stat"
         assert error["message"].endswith(
-            "there are state, batch, owner, search, archived, deleted, cursor, limit"
+            "there are state, batch, owner, search, deleted, cursor, limit"
         )
         events = f"/v1/jobs/{StagedJob(client).id}/events"
         problem(http.get(events, params={"from": "0-0"}), 422, "invalid-request")

@@ -361,14 +361,12 @@ class TestSteering:
                         "done": False,
                         "state": "exhausted",
                         "why_not": "it has ended",
-                        "before": None,
                     },
                     {
                         "job": batch["job_ids"][1],
                         "done": True,
                         "state": "cancelled",
                         "why_not": None,
-                        "before": None,
                     },
                 ],
             }

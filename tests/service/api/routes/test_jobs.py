@@ -326,36 +326,31 @@ class TestCancelling:
         assert found["story"][-1].endswith("converged: levelled off")
 
 
-class TestPuttingAway:
-    def test_archives_deletes_and_restores_an_ended_job(
+class TestDeletion:
+    def test_deletes_and_restores_an_ended_job(
         self, http: httpx.Client, client: redis.Redis
     ) -> None:
         job = StagedJob(client)
         job.commit()
         job.end()
         links = http.get(f"/v1/jobs/{job.id}").json()["links"]
-        lists = ({}, {"archived": "true"}, {"deleted": "true"})
-        for method, path, place in (
-            ("POST", links["archive"], 1),
-            ("DELETE", links["self"], 2),
-            ("POST", links["restore"], 0),
-            ("DELETE", links["self"], 2),
-            ("POST", links["archive"], 1),
+        lists = ({}, {"deleted": "true"})
+        for method, path, is_deleted in (
+            ("DELETE", links["self"], True),
+            ("POST", links["restore"], False),
         ):
             for _ in range(2):
                 answer = http.request(method, path)
                 assert answer.status_code == 202
                 assert answer.json() == http.get(links["self"]).json()
-                found = [answer.json()[f"{one}_at"] is not None for one in ("archived", "deleted")]
-                assert found == [place == 1, place == 2]
+                assert (answer.json()["deleted_at"] is not None) is is_deleted
             listed = [http.get("/v1/jobs", params=asked).json()["jobs"] for asked in lists]
-            assert [len(jobs) for jobs in listed] == [int(one == place) for one in range(3)]
-        everything = {"archived": "any", "deleted": "any"}
-        assert len(http.get("/v1/jobs", params=everything).json()["jobs"]) == 1
+            assert [bool(jobs) for jobs in listed] == [not is_deleted, is_deleted]
+            assert len(http.get("/v1/jobs", params={"deleted": "any"}).json()["jobs"]) == 1
 
     def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
-        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+        for method, call in (("DELETE", ""), ("POST", "/restore")):
             found = problem(http.request(method, f"/v1/jobs/{job.id}{call}"), 409, "job-not-ended")
             assert found["state"] == "queued"
             problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
@@ -366,7 +361,7 @@ class TestPuttingAway:
         ended.commit()
         ended.end()
         path = "/v1/batches/walk%2F1"
-        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+        for method, call in (("DELETE", ""), ("POST", "/restore")):
             steered = http.request(method, path + call).json()
             assert (steered["name"], steered["done"]) == ("walk/1", 1)
             outcomes = [(one["job"], one["why_not"]) for one in steered["jobs"]]
@@ -387,7 +382,7 @@ def test_a_search_reads_names_and_more(http: httpx.Client) -> None:
     assert found("DUSK  even") == found(lamp[2:]) == [lamp]
     assert found("dusk morning") == []
     problem(http.get("/v1/jobs", params={"search": "x" * 201}), 422, "invalid-request")
-    problem(http.get("/v1/jobs", params={"archived": "yes"}), 422, "invalid-request")
+    problem(http.get("/v1/jobs", params={"deleted": "yes"}), 422, "invalid-request")
 
 
 class TestPausing:

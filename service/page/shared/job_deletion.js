@@ -1,4 +1,4 @@
-// Ended jobs are archived, deleted and restored, one or many, and that can be undone.
+// Ended jobs are deleted and restored, one or many, and that can be undone.
 
 import { send } from "./api.js";
 import { h } from "./dom.js";
@@ -7,11 +7,9 @@ import { ENDED, title } from "./job_summary.js";
 import { complain, messageOf, offerUndo, say } from "./notices.js";
 import { maySteer } from "./permissions.js";
 
-/** @typedef {"archive" | "delete" | "restore"} Filing */
+/** @typedef {"delete" | "restore"} Deletion */
 
-/** @type {Record<Filing, { label: string, done: string }>} */
 const WORDS = {
-  archive: { label: "Archive", done: "archived" },
   delete: { label: "Delete", done: "deleted" },
   restore: { label: "Restore", done: "restored" },
 };
@@ -21,44 +19,42 @@ const AT_ONCE = 4;
 /**
  * What can be done with a job: nothing until it has ended.
  * @param {Api.JobView} job
- * @returns {Filing[]}
+ * @returns {Deletion[]}
  */
-export function filings(job) {
+export function deletions(job) {
   if (!ENDED.has(job.state) || !maySteer(job)) return [];
-  if (job.deleted_at) return ["restore"];
-  return job.archived_at ? ["restore", "delete"] : ["archive", "delete"];
+  return job.deleted_at ? ["restore"] : ["delete"];
 }
 
 /**
- * Since when a job is archived or deleted, in words; "" if it is listed.
+ * Since when a job is deleted, in words; "" if it is not.
  * @param {Api.JobView} job
  */
-export function filedSince({ archived_at: archived, deleted_at: deleted }) {
-  if (deleted) return `deleted ${ago(deleted)}`;
-  return archived ? `archived ${ago(archived)}` : "";
+export function deletedSince({ deleted_at: at }) {
+  return at ? `deleted ${ago(at)}` : "";
 }
 
 /**
- * A button for each of these filings.
- * @param {Filing[]} possible
- * @param {(what: Filing) => unknown} act
+ * A button for each of these.
+ * @param {Deletion[]} possible
+ * @param {(what: Deletion) => unknown} act
  */
-export function filingButtons(possible, act) {
+export function deletionButtons(possible, act) {
   return possible.map((what) =>
     h("button", { class: what === "delete" ? "danger" : "", onclick: () => act(what) }, WORDS[what].label));
 }
 
 /**
- * Files jobs, and offers to undo that.
+ * Deletes or restores jobs, and offers to undo that.
  * @param {Api.JobView[]} jobs
- * @param {Filing} what
- * @param {(ids: string[]) => unknown} after - called with the ids of the filed jobs
+ * @param {Deletion} what
+ * @param {(ids: string[]) => unknown} after - called with the ids of the changed jobs
  */
-export async function file(jobs, what, after) {
+export async function deleteOrRestore(jobs, what, after) {
   const done = await each(jobs, (job) => request(job, what));
   if (done.length) {
     offerUndo(said(done, WORDS[what].done), async () => {
-      const undone = await each(done, (job) => request(job, before(job)));
+      const undone = await each(done, (job) => request(job, what === "delete" ? "restore" : "delete"));
       say(said(undone, "put back"));
       await after([]);
     });
@@ -84,23 +80,18 @@ export async function each(jobs, request) {
 
 /**
  * @param {{ links: Record<string, string> }} job
- * @param {Filing} what
+ * @param {Deletion} what
  */
 function request({ links }, what) {
-  return what === "delete" ? send("DELETE", links.self) : send("POST", links[what]);
+  return what === "delete" ? send("DELETE", links.self) : send("POST", links.restore);
 }
 
 /**
- * Puts the jobs of a batch back to where they were.
- * @param {Api.SteeredJob[]} filed
+ * Restores jobs.
+ * @param {string[]} ids
  */
-export async function putBack(filed) {
-  const back = { listed: "restore", archived: "archive", deleted: "delete" };
-  await fewAtOnce(filed, async ({ job, before }) => {
-    const self = `/v1/jobs/${job}`;
-    const links = { self, archive: `${self}/archive`, restore: `${self}/restore` };
-    if (before) await request({ links }, /** @type {Filing} */ (back[before]));
-  });
+export async function restore(ids) {
+  await fewAtOnce(ids, (id) => send("POST", `/v1/jobs/${id}/restore`));
 }
 
 /**
@@ -114,15 +105,6 @@ async function fewAtOnce(all, act) {
   await Promise.all(Array.from({ length: AT_ONCE }, async () => {
     for (const one of queue) await act(one);
   }));
-}
-
-/**
- * The filing that puts a job where it was.
- * @param {Api.JobView} job
- * @returns {Filing}
- */
-function before(job) {
-  return job.deleted_at ? "delete" : job.archived_at ? "archive" : "restore";
 }
 
 /**

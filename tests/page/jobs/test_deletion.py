@@ -1,13 +1,12 @@
-"""Ended jobs are archived, deleted and restored, and views of the list saved, in a real browser."""
+"""Ended jobs are deleted and restored, and views of the list saved, in a real browser."""
 
 import re
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from plateau.farm.ledger.visibility import Visibilities
+from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.model.job import Job
-from plateau.farm.model.states import Visibility
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 
@@ -49,25 +48,24 @@ def test_a_deleted_job_is_gone_at_once_and_an_undo_brings_it_back(
     assert farm.jobs.get(jobs["one"].id).deleted_at is None
 
 
-def test_many_at_once_go_to_the_archive_and_back_from_there(
-    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
-) -> None:
+def test_many_go_at_once_and_come_back(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]) -> None:
     page = visit().page
     bar = page.get_by_role("region", name="Selected jobs")
     for name in ("one", "frame", "waits"):
         page.get_by_role("checkbox", name=f"Select {name}").check()
-    bar.get_by_role("button", name="Archive").click()
+    expect(bar.get_by_role("button", name="Restore")).to_be_hidden()
+    bar.get_by_role("button", name="Delete").click()
     # What has not ended stays
-    expect(done(page)).to_contain_text("2 jobs are archived.")
+    expect(done(page)).to_contain_text("2 jobs are deleted.")
     expect(names(page)).to_have_text(["waits", "two"])
     expect(bar).to_contain_text("1 job selected")
-    page.get_by_role("combobox", name="Show").select_option("archived")
-    expect(page).to_have_url(re.compile(r"\?show=archived$"))
+    page.get_by_role("combobox", name="Show").select_option("deleted")
+    expect(page).to_have_url(re.compile(r"\?show=deleted$"))
     expect(names(page)).to_have_text(["frame", "one"])
-    expect(page.locator(".job").first).to_contain_text("archived just now")
+    expect(page.locator(".job").first).to_contain_text("deleted just now")
     page.get_by_role("checkbox", name="Select one").check()
-    expect(bar.get_by_role("button", name="Archive")).to_be_hidden()
-    bar.get_by_role("button", name="Delete").click()
+    expect(bar.get_by_role("button", name="Delete")).to_be_hidden()
+    bar.get_by_role("button", name="Restore").click()
     expect(names(page)).to_have_text(["frame"])
     # An undo puts a job where it was
     done(page).get_by_role("button", name="Undo").click()
@@ -92,19 +90,19 @@ def test_a_batch_goes_as_one(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
     assert farm.jobs.get(jobs["frame"].id).deleted_at is None
 
 
-def test_the_undo_of_a_batch_leaves_what_was_archived_before(
+def test_the_undo_of_a_batch_leaves_what_was_deleted_before(
     visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
 ) -> None:
-    before, *others = (farm.jobs.cancel(farm.submit(batch="walk").id) for _ in range(2))
-    Visibilities(farm.jobs._redis).set(before.id, Visibility.ARCHIVED)
+    before, other = (farm.jobs.cancel(farm.submit(batch="walk").id) for _ in range(2))
+    Deletions(farm.jobs._redis).set(before.id, deleted=True)
     page = visit().page
-    choose(page, "the batch walk", "Archive")
-    expect(done(page)).to_contain_text("2 jobs of walk are archived.")
+    choose(page, "the batch walk", "Delete")
+    expect(done(page)).to_contain_text("2 jobs of walk are deleted.")
     done(page).get_by_role("button", name="Undo").click()
     expect(page.get_by_role("status").filter(has_text="jobs of walk are put back")).to_have_count(1)
-    put_back = [farm.jobs.get(job.id).archived_at for job in (*others, jobs["frame"])]
+    put_back = [farm.jobs.get(job.id).deleted_at for job in (other, jobs["frame"])]
     assert put_back == [None, None]
-    assert farm.jobs.get(before.id).archived_at is not None
+    assert farm.jobs.get(before.id).deleted_at is not None
 
 
 def test_the_screen_of_a_job_says_so_and_restores_it(
@@ -112,8 +110,6 @@ def test_the_screen_of_a_job_says_so_and_restores_it(
 ) -> None:
     page = visit(f"/jobs/{jobs['two'].id}").page
     actions = page.get_by_role("group", name="Actions")
-    actions.get_by_role("button", name="Archive").click()
-    expect(page.locator(".one-job .summary").first).to_contain_text("archived just now")
     actions.get_by_role("button", name="Delete").click()
     expect(page.locator(".one-job .summary").first).to_contain_text("deleted just now")
     # The undo stays on the way to the list
@@ -121,25 +117,24 @@ def test_the_screen_of_a_job_says_so_and_restores_it(
     expect(names(page)).to_have_text(["waits", "frame", "one"])
     done(page).get_by_role("button", name="Undo").click()
     expect(done(page)).to_be_hidden()
-    page.get_by_role("combobox", name="Show").select_option("archived")
-    expect(names(page)).to_have_text(["two"])
+    expect(names(page)).to_have_text(["waits", "frame", "two", "one"])
+    Deletions(farm.jobs._redis).set(jobs["two"].id, deleted=True)
     page.goto(f"/jobs/{jobs['two'].id}")
     actions.get_by_role("button", name="Restore").click()
-    expect(actions.get_by_role("button", name="Archive")).to_be_visible()
+    expect(actions.get_by_role("button", name="Delete")).to_be_visible()
 
 
 def test_what_others_did_meanwhile_is_said(
     visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
 ) -> None:
-    filing = Visibilities(farm.jobs._redis)
     visitor = visit(expected={404})
     page = visitor.page
     page.get_by_role("checkbox").first.wait_for()
     page.route("**/v1/jobs?*", lambda route: None)  # the page does not see what follows
-    # A batch whose only job was deleted can still be archived
-    filing.set(jobs["frame"].id, Visibility.DELETED)
-    choose(page, "the batch walk", "Archive")
-    expect(done(page)).to_contain_text("1 job of walk is archived.")
+    # A batch whose only job was deleted is no more
+    Deletions(farm.jobs._redis).set(jobs["frame"].id, deleted=True)
+    choose(page, "the batch walk", "Delete")
+    expect(page.get_by_role("alert")).to_contain_text("there is no batch")
     farm.jobs._redis.delete(f"plateau:job:{jobs['one'].id}")
     choose(page, "one", "Delete")
     expect(page.get_by_role("alert")).to_contain_text("Refused for 1 of 1 job. one: there is no")

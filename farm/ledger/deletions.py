@@ -1,4 +1,4 @@
-"""Archives, deletes and restores ended jobs, alone or a whole batch of them."""
+"""Deletes and restores ended jobs, one by one or a whole batch of them."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,18 +6,18 @@ from plateau.farm.ledger import guarded_batches
 from plateau.farm.model.batch import Steered
 from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound, UnevenBatch
 from plateau.farm.model.spec import stored_spec
-from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.visibility import MadeVisible, SetVisibility
+from plateau.farm.redis.commands.deletions import Deleted, SetDeleted
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 
-class Visibilities:
-    """Where ended jobs are found. Every method raises `StoreUnavailable` when Redis is away.
+class Deletions:
+    """Which ended jobs are deleted. Every method raises `StoreUnavailable` when Redis is away.
 
-    An archived or deleted job keeps its records and results. A sweep removes a deleted one for good
+    A deleted job keeps its records and results until a sweep removes it for good
     (`plateau.farm.sweep.finished_jobs`), as soon as no other job continues it.
     """
 
@@ -25,8 +25,8 @@ class Visibilities:
         self._redis = client
         self._scripts = Scripts(client)
 
-    def set(self, job_id: str, visibility: Visibility) -> None:
-        """List, archive or delete the job; repeating it is harmless.
+    def set(self, job_id: str, *, deleted: bool) -> None:
+        """Delete the job, or restore it; repeating it is harmless.
 
         A deleted job leaves its batch, and joins it again when it is restored.
 
@@ -37,23 +37,19 @@ class Visibilities:
         UnevenBatch
             Its batch is guarded by now, and the job did not stop as the batch's jobs do.
         """
-        made = self._set(job_id, visibility)
-        if made.outcome == "illegal":
-            if made.state == "missing":
+        done = self._set(job_id, deleted=deleted)
+        if done.outcome == "illegal":
+            if done.state == "missing":
                 raise JobNotFound(job_id)
-            raise JobNotEnded(job_id, made.state)
+            raise JobNotEnded(job_id, done.state)
 
     def set_batch(
-        self,
-        name: str,
-        visibility: Visibility,
-        *,
-        may_touch: Callable[[str], bool] = lambda _: True,
+        self, name: str, *, deleted: bool, may_touch: Callable[[str], bool] = lambda _: True
     ) -> list[Steered]:
-        """List, archive or delete each ended job of the batch; repeating it is harmless.
+        """Delete each ended job of the batch, or restore those that were deleted from it.
 
-        Jobs that were deleted from the batch are restored, too. Jobs whose owner (an API key's id,
-        or "") `may_touch` refuses are left alone.
+        Repeating it is harmless. Jobs whose owner (an API key's id, or "") `may_touch` refuses are
+        left alone.
 
         Raises
         ------
@@ -64,7 +60,7 @@ class Visibilities:
         """
         with unavailable_as_farm_error():
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-            if visibility is not Visibility.DELETED:
+            if not deleted:
                 job_ids += self._deleted_from(name)
             pipe = self._redis.pipeline(transaction=False)
             for job_id in job_ids:
@@ -77,7 +73,7 @@ class Visibilities:
         for job_id, state, owner in zip(job_ids, answers, answers, strict=True):
             done, why_not = False, "it belongs to another API key"
             if may_touch(owner or ""):
-                made = self._set(job_id, visibility)
+                made = self._set(job_id, deleted=deleted)
                 done = made.outcome == "done"
                 gone = made.state == "missing"
                 why_not = "it was just forgotten" if gone else "it has not ended"
@@ -87,19 +83,16 @@ class Visibilities:
                     done=done,
                     state=None if state is None else JobState(state),
                     why_not=None if done else why_not,
-                    before=Visibility(made.before) if done else None,
                 )
             )
         return steered
 
-    def _set(self, job_id: str, visibility: Visibility) -> MadeVisible:
-        made = MadeVisible(outcome="changed")
-        while made.outcome == "changed":  # another job has joined the batch since it was compared
-            compared = "" if visibility is Visibility.DELETED else self._compared(job_id)
-            made = self._scripts.run(
-                SetVisibility(job=job_id, visibility=visibility.value, compared=compared)
-            )
-        return made
+    def _set(self, job_id: str, *, deleted: bool) -> Deleted:
+        done = Deleted(outcome="changed")
+        while done.outcome == "changed":  # another job has joined the batch since it was compared
+            compared = "" if deleted else self._compared(job_id)
+            done = self._scripts.run(SetDeleted(job=job_id, deleted=deleted, compared=compared))
+        return done
 
     def _compared(self, job_id: str) -> str:
         """The number of the newest job of the guarded batch that a deleted job may join again."""

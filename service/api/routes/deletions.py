@@ -1,10 +1,9 @@
-"""Routes that archive, delete and restore ended jobs, alone or a whole batch of them."""
+"""Routes that delete and restore ended jobs, one by one or a whole batch of them."""
 
 from typing import Any, Final
 
 from fastapi import APIRouter
 
-from plateau.farm.model.states import Visibility
 from plateau.farm.wire.batch_views import BatchSteered, steered_view
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import Caller, CallerOf
@@ -28,15 +27,6 @@ _BATCH: Final[dict[str, Any]] = {
 }
 
 
-@router.post("/jobs/{job_id}/archive", **_JOB)
-def archive_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
-    """Archive an ended job: lists leave it out unless they are asked for archived ones.
-
-    It stays as it is otherwise, and in its batch. Repeating it is harmless.
-    """
-    return _filed(job_id, Visibility.ARCHIVED, farm, who)
-
-
 @router.delete("/jobs/{job_id}", **_JOB)
 def delete_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Delete an ended job: it leaves lists and its batch at once, and can be restored for a while.
@@ -45,26 +35,16 @@ def delete_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     continues it. Until then `GET` still shows it, with `deleted_at`. Repeating it is harmless; a
     job that has not ended answers 409: cancel it first.
     """
-    return _filed(job_id, Visibility.DELETED, farm, who)
+    return _set(job_id, farm, who, deleted=True)
 
 
 @router.post("/jobs/{job_id}/restore", **_JOB)
 def restore_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
-    """Put an archived or deleted job back into the list, and into its batch.
+    """Put a deleted job back into the list, and into its batch.
 
     Repeating it is harmless. If the batch is guarded by now, the job must stop as its jobs do.
     """
-    return _filed(job_id, Visibility.LISTED, farm, who)
-
-
-@router.post("/batches/{name}/archive", **_BATCH)
-def archive_batch(name: BatchName, farm: Farm, who: CallerOf) -> BatchSteered:
-    """Archive the jobs of a batch that have ended; the batch itself stays.
-
-    The answer says what became of each. Jobs of other keys are left alone. Repeating it is
-    harmless.
-    """
-    return _filed_batch(name, Visibility.ARCHIVED, farm, who)
+    return _set(job_id, farm, who, deleted=False)
 
 
 @router.delete("/batches/{name}", **_BATCH)
@@ -74,24 +54,24 @@ def delete_batch(name: BatchName, farm: Farm, who: CallerOf) -> BatchSteered:
     The answer says what became of each. Jobs of other keys are left alone. `restore` of the batch
     undoes it for a while.
     """
-    return _filed_batch(name, Visibility.DELETED, farm, who)
+    return _set_batch(name, farm, who, deleted=True)
 
 
 @router.post("/batches/{name}/restore", **_BATCH)
 def restore_batch(name: BatchName, farm: Farm, who: CallerOf) -> BatchSteered:
-    """Put the archived and deleted jobs of a batch back into the list and the batch.
+    """Put the deleted jobs of a batch back into the list and the batch.
 
     The answer says what became of each. Jobs of other keys are left alone. Repeating it is
     harmless.
     """
-    return _filed_batch(name, Visibility.LISTED, farm, who)
+    return _set_batch(name, farm, who, deleted=False)
 
 
-def _filed(job_id: str, visibility: Visibility, farm: Parts, who: Caller) -> JobView:
-    farm.visibility.set(farm.job(job_id).id, visibility)
+def _set(job_id: str, farm: Parts, who: Caller, *, deleted: bool) -> JobView:
+    farm.deletions.set(farm.job(job_id).id, deleted=deleted)
     return shown([farm.job(job_id)], farm, who)[0]
 
 
-def _filed_batch(name: str, visibility: Visibility, farm: Parts, who: Caller) -> BatchSteered:
-    steered = farm.visibility.set_batch(name, visibility, may_touch=who.may_steer)
+def _set_batch(name: str, farm: Parts, who: Caller, *, deleted: bool) -> BatchSteered:
+    steered = farm.deletions.set_batch(name, deleted=deleted, may_touch=who.may_steer)
     return steered_view(name, steered)
