@@ -10,11 +10,11 @@ never stopped there. An ended job has kept either
   step and the zones stay, and a rule that compares with earlier images must have seen them.
 
 If more is to be rendered, the kept samples must be those that a job of the new cap draws: on scalar
-variants the cap decides passes and seeds (see `plateau.farm.model.seeds`).
+variants the cap decides passes and seeds (see `plateau.farm.model.seeds`). `lost_by` says whether a
+new spec can have them.
 """
 
 import hashlib
-from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -23,8 +23,8 @@ from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.aovs import GUIDED_SPP
-from plateau.farm.model.errors import CannotContinue, JobNotFound
-from plateau.farm.model.job import Job
+from plateau.farm.model.errors import JobNotEnded, JobNotFound
+from plateau.farm.model.job import NONE_LEFT, Again, Job
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
@@ -36,15 +36,11 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
-from plateau.rules import MOST_SPP, as_offered
 
 #: The fields of a spec that determine the samples, ...
-_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
+_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation")
 #: ... that the new job does not inherit, ...
-_OWN: Final = (
-    *("batch", "at_once", "budget_core_hours", "flicker_guard", "shot"),
-    *("webhook", "notify", "after", "then"),
-)
+_OWN: Final = ("shot", "webhook", "after")
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
 
@@ -77,22 +73,16 @@ class Continuations:
         self._scripts = Scripts(client)
         self._jobs = Jobs(client)
 
-    def remains(self, job: Job) -> Remains:
-        """The job's kept slices or sums.
+    def remains(self, job: Job) -> Remains | None:
+        """The job's kept slices or sums; None if none are left.
 
         Raises
         ------
-        CannotContinue
-            It has not ended, its results are still being written, or nothing is left.
+        JobNotEnded
+            It has not ended, or its results are still being written.
         """
-        if not job.state.ended:
-            raise CannotContinue(
-                job.id,
-                f"it is {job.state.value}: it goes on by itself; change its priority, pause it or "
-                "cancel it instead",
-            )
-        if job.finished_at is None:
-            raise CannotContinue(job.id, "its results are being written: try again in a moment")
+        if not job.state.ended or (job.finished_at is None and job.committed_spp):
+            raise JobNotEnded(job.id, job.state.value)
         with unavailable_as_farm_error():
             checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
         ledger = self._jobs.ledger(job.id)
@@ -105,11 +95,7 @@ class Continuations:
         elif checkpoint is not None:
             slices = Checkpoint.model_validate_json(checkpoint).slices
         if not 0 < slices <= committed:
-            raise CannotContinue(
-                job.id,
-                "none of its samples are left: PLATEAU_KEEP_SUMS_DAYS says for how long they stay, "
-                "and a job that keeps its slices keeps them for good; submit its scene again",
-            )
+            return None
         drawn = (ledger[index] for index in range(slices))
         seeds = tuple(SeedRange(one["first_seed"], one["last_seed"]) for one in drawn)
         return Remains(slices, checkpoint or "", seeds, plan)
@@ -123,15 +109,16 @@ class Continuations:
         idempotency_key: str = "",
         owner: str = "",
         notes: tuple[str, ...] = (),
-    ) -> Created:
-        """Create the job of `spec`, passed by `check`, that continues `job`; it renders at once.
+    ) -> Created | None:
+        """Create the job of `spec` that continues `job`; it renders at once.
 
-        `notes` say what of the spec was changed.
+        Nothing of `remains` is lost by the spec (`lost_by`); `notes` say what of it was changed.
+        Returns None if what was left of the job has changed in the meantime.
 
         Raises
         ------
-        JobNotFound, CannotContinue
-            The job, or what was left of it, went in the meantime.
+        JobNotFound
+            The job went in the meantime.
         TooManyJobs, TooManyNeeds, UnevenBatch
             As `Jobs.create` raises them.
         """
@@ -139,7 +126,12 @@ class Continuations:
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         name = spec.name or job.name
         new = records.new_job(
-            spec, name=name, scene_sha256=job.scene_sha256, owner=owner, notes=notes
+            spec,
+            name=name,
+            scene_sha256=job.scene_sha256,
+            owner=owner,
+            notes=notes,
+            again=Again(of=job.id, kept_spp=remains.spp),
         )
         made = self._scripts.run(
             Continue(
@@ -161,7 +153,7 @@ class Continuations:
         if made.outcome == "missing":
             raise JobNotFound(job.id)
         if made.outcome == "changed":
-            raise CannotContinue(job.id, "what was left of it has just changed: try again")
+            return None
         return self._jobs.created(made)
 
 
@@ -197,8 +189,8 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
-    denoising with a name replaces the whole of it. The batch, the guard, the shot, the webhook, the
-    targets of notifications, the commands and the jobs that it came after are not inherited.
+    denoising with a name replaces the whole of it. The shot, the webhook and the jobs that it came
+    after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
@@ -231,76 +223,34 @@ def _known_in(name: str, part: Any) -> Collection[str]:
     return WebhookSpec.model_fields if name == "webhook" else ()
 
 
-def check(job: Job, remains: Remains, spec: JobSpec) -> None:
-    """Return if a job of this spec can continue the ended one.
+def lost_by(job: Job, remains: Remains | None, spec: JobSpec) -> str | None:
+    """Why a job of this spec cannot have the ended job's samples; None if it can.
 
-    Raises
-    ------
-    CannotContinue
-        It cannot; the message says why, and what would be possible.
+    `NONE_LEFT`, or the field of the spec that prevents it.
     """
-    if spec.after:
-        raise CannotContinue(
-            job.id, "a job that continues another renders at once, so it comes after nothing"
-        )
+    if remains is None:
+        return NONE_LEFT
+    if spec.after:  # a job that continues another renders at once
+        return "after"
     for name in _SAMPLING:
         if getattr(spec, name) != getattr(job.spec, name):
-            raise CannotContinue(
-                job.id,
-                f"{name} makes other samples, so none could be taken over: submit the scene "
-                "as a new job",
-            )
+            return name
+    if spec.parameter_strings() != job.spec.parameter_strings():
+        return "parameters"
     if _slice_aovs(spec) != _slice_aovs(job.spec):
-        raise CannotContinue(
-            job.id,
-            f"its samples have {_aovs(job.spec)}, and more of them cannot have others: submit the "
-            "scene as a new job",
-        )
-    if not remains.kept:
-        _check_sums(job, remains, spec)
-    if spec.by_zones and spec.step != job.spec.step:
-        raise CannotContinue(
-            job.id, "by zones, each step has decided a later one, so its step cannot change"
-        )
-    if spec.max_spp > remains.spp:
-        _check_seeds(job, remains, spec)
+        return "aovs" if spec.aovs != job.spec.aovs else "denoise"
+    if not remains.kept and (field := _lost_sums(job, remains, spec)):
+        return field
+    if spec.by_zones and spec.step != job.spec.step:  # each step has decided a later one
+        return "step"
+    if spec.max_spp > remains.spp and not _draws(job, remains, spec.max_spp):
+        return "max_spp"
+    return None
 
 
 def _slice_aovs(spec: JobSpec) -> tuple[object, ...]:
     """The AOVs of the first slice, and those of one that is past all guides."""
     return spec.slice_aovs(0), spec.slice_aovs(GUIDED_SPP)  # as a slice has 1 spp or more
-
-
-def _aovs(spec: JobSpec) -> str:
-    return f"the AOVs {', '.join(spec.film_aovs)}" if spec.film_aovs else "no AOVs"
-
-
-def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
-    """Refuse a cap that draws other samples than the kept ones."""
-
-    def goes_on(cap: int) -> bool:
-        return _draws(job, remains, cap)
-
-    if goes_on(spec.max_spp):
-        return
-    slice_spp = spec.slice_spp
-    # Possible caps, if any, are a run, and the old cap is in it or below it.
-    caps = range((remains.slices + 1) * slice_spp, MOST_SPP + 1, slice_spp)
-    old = max(0, job.spec.max_spp // slice_spp - remains.slices - 1)
-    if old < len(caps) and goes_on(caps[old]):
-        lowest = bisect_left(caps, True, hi=old, key=goes_on)
-        highest = bisect_left(caps, True, lo=old, key=lambda cap: not goes_on(cap)) - 1
-        which = f"from {caps[lowest]} to" if lowest < highest else "of"
-        remedy = f"a max_spp {which} {caps[highest]} goes on with them"
-    else:
-        remedy = "no higher cap keeps them; submit the scene as a new job"
-        if job.continues is not None:
-            remedy += f", or go on with job {job.continues}, whose samples they are"
-    raise CannotContinue(
-        job.id,
-        f"{job.variant} at {job.width}×{job.height} draws other samples for a cap of "
-        f"{spec.max_spp} spp than the {remains.spp} spp that there are: {remedy}",
-    )
 
 
 def _draws(job: Job, remains: Remains, cap: int) -> bool:
@@ -320,27 +270,15 @@ def _draws(job: Job, remains: Remains, cap: int) -> bool:
     )
 
 
-def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
-    spp = remains.spp
+def _lost_sums(job: Job, remains: Remains, spec: JobSpec) -> str | None:
+    """The field of the spec for which sums do not suffice."""
     for name in _JUDGING:
         if getattr(spec, name) != getattr(job.spec, name):
-            raise CannotContinue(
-                job.id, f"its slices were not kept (keep_slices), so its {name} cannot change"
-            )
-    if spec.keep_slices:
-        raise CannotContinue(
-            job.id, f"its first {spp} spp were not kept, so the slices would have a gap"
-        )
+            return name
+    if spec.keep_slices:  # the first are gone
+        return "keep_slices"
     seen = (job.spec.rule, *job.spec.watch)
-    for rule in (spec.rule, *spec.watch):
-        if not rule.behaviour.continues and rule not in seen:
-            *others, last = (one.name for one in as_offered() if one.continues)
-            raise CannotContinue(
-                job.id,
-                f"the rule {rule.name} compares with earlier images, which were not kept: leave "
-                f"the rule as it was, or name {', '.join(others)} or {last}",
-            )
-    if spec.max_spp <= spp:
-        raise CannotContinue(
-            job.id, f"it has {spp} spp, so a cap of {spec.max_spp} leaves nothing to render"
-        )
+    for name, rules in (("rule", (spec.rule,)), ("watch", spec.watch)):
+        if any(not rule.behaviour.continues and rule not in seen for rule in rules):
+            return name
+    return "max_spp" if spec.max_spp <= remains.spp else None

@@ -22,7 +22,7 @@ from plateau.farm.model.errors import (
     TooManyNeeds,
 )
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, Again, CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
@@ -111,6 +111,7 @@ class Jobs:
         digest: str = "",
         owner: str = "",
         notes: tuple[str, ...] = (),
+        again: Again | None = None,
     ) -> Created:
         """As `create`, for each spec, all or none; returns the first job.
 
@@ -118,7 +119,9 @@ class Jobs:
         """
         batch = specs[0].batch or ""
         jobs = tuple(
-            records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner, notes=notes)
+            records.new_job(
+                spec, name=name, scene_sha256=scene_sha256, owner=owner, notes=notes, again=again
+            )
             for spec in specs
         )
         if specs[0].shot is not None:

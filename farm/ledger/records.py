@@ -11,7 +11,7 @@ from typing import Any
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
-from plateau.farm.model.job import CurvePoint, Event, Job, moment
+from plateau.farm.model.job import Again, CurvePoint, Event, Job, moment
 from plateau.farm.model.shot import FrameAnswer, FrameOfShot, FrameWait
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.spec.whole_slices import fitted
@@ -141,7 +141,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
         second_tries=int(fields.get("second_tries", 0)),
         notes=_notes(fields),
-        continues=fields.get("continues"),
+        again=Again.model_validate_json(fields["again"]) if "again" in fields else None,
         continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
         in_shot=frame_of_shot(fields),
@@ -151,7 +151,13 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
 
 
 def new_job(
-    spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "", notes: tuple[str, ...] = ()
+    spec: JobSpec,
+    *,
+    name: str,
+    scene_sha256: str,
+    owner: str = "",
+    notes: tuple[str, ...] = (),
+    again: Again | None = None,
 ) -> NewJob:
     """A new job, with an id of its own; `notes` say what of its spec was changed."""
     assert fitted(spec) == spec, "steps and the cap are whole numbers of slices"
@@ -166,6 +172,7 @@ def new_job(
         "max_spp": spec.max_spp,
         **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
+        **({} if again is None else {"again": again.model_dump_json()}),
         "batch": spec.batch or "",
         "guards": 1 if spec.flicker_guard else "",
         "planned": 0,

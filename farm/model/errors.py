@@ -9,8 +9,7 @@
     ├── BatchNotFound      no batch of that name
     ├── UnevenBatch        the jobs of a guarded batch would not stop alike
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
-    ├── JobNotEnded        the job has not ended, so it cannot be deleted
-    ├── CannotContinue     no job can continue this one in the wanted way
+    ├── JobNotEnded        the job has not ended, so it cannot be deleted or rendered again
     ├── CannotFollow       no job can wait for this job or batch
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
@@ -33,6 +32,7 @@
 """
 
 from plateau.farm.model import versions
+from plateau.farm.model.states import JobState
 
 
 class FarmError(Exception):
@@ -133,10 +133,12 @@ class JobEnded(FarmError):
 
 
 class JobNotEnded(FarmError):
-    """The job has not ended, so it cannot be deleted."""
+    """The job has not ended, or its results are being written."""
 
     def __init__(self, job_id: str, state: str) -> None:
-        super().__init__(f"job {job_id} is {state}: it has not ended")
+        is_ended = JobState(state).ended
+        why = "its results are being written" if is_ended else "it has not ended"
+        super().__init__(f"job {job_id} is {state}: {why}")
         self.job_id = job_id
         self.state = state
 
@@ -147,14 +149,6 @@ class WorkerNotFound(FarmError):
     def __init__(self, worker_id: str) -> None:
         super().__init__(f"there is no worker {worker_id!r}")
         self.worker_id = worker_id
-
-
-class CannotContinue(FarmError):
-    """No job can continue this one, or not in the wanted way; the message says why."""
-
-    def __init__(self, job_id: str, why: str) -> None:
-        super().__init__(f"job {job_id} cannot be continued: {why}")
-        self.job_id = job_id
 
 
 class CannotFollow(FarmError):

@@ -113,6 +113,22 @@ class CurvePoint(_Record):
     )
 
 
+#: Why a job has nothing of another one's samples: none are left.
+NONE_LEFT: Final = "gone"
+
+
+class Again(_Record):
+    """What a job that renders an ended one again has of its samples."""
+
+    of: str = Field(description="id of the ended job")
+    kept_spp: int = Field(description="its samples that this job has; 0 if all is rendered anew")
+    why: str | None = Field(
+        None,
+        description="if none are kept: the field of this job's spec that prevents it, or `gone` if "
+        "none are left",
+    )
+
+
 class Job(_Record):
     """A job: one image on its way to where more samples change nothing that a person sees."""
 
@@ -214,11 +230,11 @@ class Job(_Record):
         (),
         description="what the farm changed in the scene, and flaws of the image that end nothing",
     )
-    continues: str | None = Field(
-        None, description="id of the ended job whose samples this one went on with"
+    again: Again | None = Field(
+        None, description="of a job that renders an ended one again: what it has of it"
     )
     continued_spp: int = Field(
-        0, description="up to this spp, samples and points of the curve are that job's"
+        0, description="up to here, the points of the curve are those of the job of `again`"
     )
     in_shot: FrameOfShot | None = Field(None, description="of a frame of a shot: how it stands")
     created_at: datetime

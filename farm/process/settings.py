@@ -184,7 +184,7 @@ class Settings(BaseSettings):
         ge=0,
         le=_MOST_DAYS,
         allow_inf_nan=False,
-        description="days for which an ended job without kept slices can be continued; "
+        description="days for which the samples of an ended job without kept slices stay; "
         "0 keeps no sums",
     )
     keep_scenes_days: float | None = Field(

@@ -236,7 +236,7 @@ JOB: Final[dict[str, Any]] = {
         "events": f"{_ROOT}/events",
         "image_png": f"{_ROOT}/image.png",
         "cancel": f"{_ROOT}/cancel",
-        "retry": f"{_ROOT}/retry",
+        "again": f"{_ROOT}/again",
     },
 }
 
@@ -315,14 +315,12 @@ PROBLEM_DETAILS: Final = {
     "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
     "one can have a lower priority",
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
-    "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 "
-    "leaves nothing to render",
     "uneven-batch": f"batch 'exposures' is guarded against flicker, so its jobs must stop "
     f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
     "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
-    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be "
-    "deleted or tried again: cancel it first",
+    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be deleted "
+    "or rendered again: cancel it first",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
     "sets the limit",

@@ -4,7 +4,7 @@ import re
 from datetime import datetime
 from typing import Any, Final
 
-from plateau.farm.model.job import CurvePoint, Job, utc_now
+from plateau.farm.model.job import NONE_LEFT, CurvePoint, Job, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import (
@@ -168,6 +168,18 @@ def title_with_parameters(job: Job) -> str:
     return " ".join((title(job), *values))
 
 
+def again(job: Job) -> str:
+    """What a job has of the ended one that it renders again; "" of any other."""
+    if job.again is None:
+        return ""
+    if job.again.kept_spp:
+        return f"keeps {job.again.kept_spp:,} spp of job {job.again.of}"
+    why = f"with this {job.again.why} its samples cannot be kept"
+    if job.again.why == NONE_LEFT:
+        why = "none of its samples are left"
+    return f"renders job {job.again.of} anew: {why}"
+
+
 def pauses(job: Job) -> str:
     """For how long the job was paused before, and since when it is paused now."""
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
@@ -206,6 +218,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("workers", f"it {waits_for}"))
     if job.spec.blocked:
         rows.append(("blocked", ", ".join(job.spec.blocked)))
+    if job.again is not None:
+        rows.append(("again", f"it {again(job)}"))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
         image = f"{job.width}×{job.height}, {job.variant}, {title_with_parameters(job)}{denoised}"

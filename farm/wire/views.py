@@ -316,9 +316,7 @@ def job_view(
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
         "restore": f"{root}/restore",
-        "retry": f"{root}/retry",
-        "continue": f"{root}/continue",
-        "rejudge": f"{root}/rejudge",
+        "again": f"{root}/again",
         "webhooks": f"{root}/webhooks",
     }
     return JobView(

@@ -308,7 +308,7 @@ def spec_from_options(
     ] = None,
     keep_slices: Annotated[
         bool,
-        typer.Option("--keep-slices", help="Keep every slice, for `judge`, `rejudge` and studies."),
+        typer.Option("--keep-slices", help="Keep every slice, for `judge`, `again` and studies."),
     ] = False,
 ) -> Spec:
     """The spec that the options describe; other fields have the spec's defaults."""
@@ -324,13 +324,14 @@ def takes_spec(
     return taking("spec", spec_from_options, taken)
 
 
-def takes_changes(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command these options of a spec in place of its parameter `changes`.
+def takes_changes(*, but: Collection[str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a spec, except these, in place of its parameter `changes`.
 
     The parameter is a dict of the fields that were given.
     """
     options = inspect.signature(spec_from_options).parameters
-    return taking("changes", spec_fields, [_as_it_was(options[name]) for name in names])
+    taken = [_as_it_was(option) for name, option in options.items() if name not in but]
+    return taking("changes", spec_fields, taken)
 
 
 def _as_it_was(option: inspect.Parameter) -> inspect.Parameter:

@@ -123,7 +123,7 @@ def block(
       plateau block node7 --job 3f9ac2d01b77
       plateau block node7 --job 3f9ac2d01b77 --undo
 
-    A worker that is restarted has another id; a machine keeps its name. `plateau retry` blocks the
+    A worker that is restarted has another id; a machine keeps its name. `plateau again` blocks the
     workers on which a job failed.
     """
     from plateau.commands.jobs import block as run

@@ -184,7 +184,7 @@ def gc(
         float | None,
         _days(
             help="Remove the sums of jobs that finished more than this many days ago. Without "
-            "sums or kept slices, a job cannot be continued.",
+            "sums or kept slices, a job is rendered again from the start.",
             show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
         ),
     ] = None,

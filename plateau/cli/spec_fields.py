@@ -1,7 +1,6 @@
 """The fields of a spec, from options; a wrong one raises `typer.BadParameter` with its name."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -75,22 +74,17 @@ def spec_fields(
 
 
 def checked(fields: dict[str, Any]) -> Any:
-    """The `plateau.farm.model.spec.JobSpec` of these fields, imported here because it is slow."""
-    from plateau.farm.model.spec import JobSpec
+    """The `plateau.farm.model.spec.JobSpec` of these fields, imported here because it is slow.
 
-    with refusing():
-        return JobSpec.model_validate(fields)
-
-
-@contextmanager
-def refusing() -> Iterator[None]:
-    """Say of a spec's wrong fields which options they are."""
+    Says of wrong fields which options they are.
+    """
     from pydantic import ValidationError
 
     from plateau.farm.model import input_errors
+    from plateau.farm.model.spec import JobSpec
 
     try:
-        yield
+        return JobSpec.model_validate(fields)
     except ValidationError as error:
         messages = [
             _message(one["loc"], one["type"], input_errors.message(one)) for one in error.errors()

@@ -1,6 +1,6 @@
-"""Commands that control jobs and batches, and delete those that have ended."""
+"""Commands that control jobs and batches, delete those that have ended, and render them again."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -119,3 +119,27 @@ def priority(
     from plateau.commands.jobs import priority as run
 
     run(job_id, value, url=url, as_json=as_json)
+
+
+@app.command()
+@o.takes_changes(but={"shot"})
+def again(
+    job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
+) -> None:
+    """Render an ended job again, with the samples that it has, and print the new job's id.
+
+    For example:
+      plateau again 3f9ac2d01b77 --rule visible:target=0.0001
+      plateau again 3f9ac2d01b77 --seed 1
+      plateau watch $(plateau again 3f9ac2d01b77 --max-spp 20000) -o out
+
+    Options that are not given are as in the old job, which stays as it is. The new job keeps the
+    old one's samples if they are left and the changes allow it; standard error says how many, or
+    why none. A stricter rule and a higher cap allow it, but on scalar_rgb not every cap does. If
+    the old job kept its slices (--keep-slices), the view and the step may change too, and with a
+    --max-spp that is not beyond them nothing is rendered. Another --seed draws other samples. Of a
+    failed job, the workers on which it failed are blocked for the new one.
+    """
+    from plateau.commands.jobs import again as run
+
+    run(job_id, changes, url=url, as_json=as_json)

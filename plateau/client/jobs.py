@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any, Final
 from urllib.parse import quote
 
-from plateau.client.short_ids import whole_id, with_whole_ids
+from plateau.client.short_ids import job_or_batch, whole_id, with_whole_ids
 from plateau.client.transport import Calls, Model, Transport
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
@@ -68,6 +68,36 @@ class JobCalls(Calls):
         spec = with_whole_ids(spec, self._transport.whole_id)
         values, request = [spec.parameter_strings()], spec.as_request()
         return submitted(self._transport, JobView, scene, request, values, idempotency_key)
+
+    def again(self, job_id: str, /, *, idempotency_key: str = "", **changes: Any) -> JobView:
+        """Render the ended job again, with a changed spec; returns the new job.
+
+        It has the samples of the old job where they are left and the new spec draws the same;
+        `again` of the new job says how many it keeps, or why none. Another ``seed`` draws others.
+        The webhook, ``after`` and ``shot`` are not inherited. Of a failed job, the workers on which
+        tries failed are blocked for the new one.
+
+        Parameters
+        ----------
+        job_id
+            The ended job, which stays as it is.
+        idempotency_key
+            As for `submit`.
+        changes
+            Changed fields of the spec, such as ``rule={"target": 0.0001}`` or ``max_spp=20_000``: a
+            JSON merge patch, except that a rule with a name replaces the old one whole.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``job-not-ended``, also while its results are being written;
+            ``invalid-spec``; ``broken-scene``; ``uneven-batch``.
+        """
+        if after := changes.get("after"):
+            changes["after"] = [job_or_batch(one, self._transport.whole_id) for one in after]
+        headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
+        path = f"/v1/jobs/{job_id}/again"
+        return self._transport.ask(JobView, "POST", path, headers=headers, json=changes)
 
     def whole_id(self, job_id: str) -> str:
         """The whole id of a job, by its first letters, at least four; a whole one unchanged.

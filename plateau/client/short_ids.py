@@ -40,11 +40,12 @@ def with_whole_ids(spec: JobSpec, whole: Callable[[str], str]) -> JobSpec:
     `whole` returns the id of a prefix, or raises `BadId`.
     """
     return spec.model_copy(
-        update={"after": tuple(_job_or_batch(name, whole) for name in spec.after)}
+        update={"after": tuple(job_or_batch(name, whole) for name in spec.after)}
     )
 
 
-def _job_or_batch(name: str, whole: Callable[[str], str]) -> str:
+def job_or_batch(name: str, whole: Callable[[str], str]) -> str:
+    """The whole id of a job, or the name of a batch as it is."""
     try:
         return whole(name)
     except BadId:

@@ -1,4 +1,4 @@
-"""`plateau submit | watch | show | log | list | cancel | pause | …`: talk to a running service."""
+"""`plateau submit | watch | show | log | list | cancel | again | …`: talk to a running service."""
 
 import json
 import sys
@@ -196,15 +196,6 @@ def block(job_id: str, worker: str, *, undo: bool, url: str | None, as_json: boo
         tell(f"job {job.id} {job.waits_for}")
 
 
-def retry(job_id: str, *, url: str | None, as_json: bool) -> None:
-    """Try an ended job again on other workers; prints the new job's id."""
-    with connect(url) as client:
-        job = client.retry(client.whole_id(job_id))
-    _print_id(job, as_json=as_json)
-    if job.waits_for:
-        tell(f"job {job.id} {job.waits_for}")
-
-
 def _state(name: str | None) -> JobState | None:
     try:
         return None if name is None else JobState(name)
@@ -237,25 +228,14 @@ def _row(job: Job) -> tuple[str, ...]:
     )
 
 
-def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
-    """Continue an ended job; prints the new job's id."""
+def again(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
+    """Render an ended job again; prints the new job's id, and what it keeps of the old one."""
     with connect(url) as client:
-        _print_id(client.continue_job(client.whole_id(job_id), changes), as_json=as_json)
-
-
-def resubmit(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
-    """Submit the scene of a job again; prints the new job's id."""
-    with connect(url) as client:
-        job = client.resubmit(client.whole_id(job_id), changes)
+        job = client.again(client.whole_id(job_id), **changes)
     _print_id(job, as_json=as_json)
+    tell(f"job {job.id} {job_text.again(job)}")
     if job.waits_for:
         tell(f"job {job.id} {job.waits_for}")
-
-
-def rejudge(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
-    """Judge the kept slices of an ended job again; prints the new job's id."""
-    with connect(url) as client:
-        _print_id(client.rejudge(client.whole_id(job_id), changes), as_json=as_json)
 
 
 def _print_id(job: JobView, *, as_json: bool) -> None:

@@ -40,9 +40,9 @@ from plateau.service.api.parts import Parts
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
+from plateau.service.api.routes import again as routes_again
 from plateau.service.api.routes import batches as routes_batches
 from plateau.service.api.routes import blocking as routes_blocking
-from plateau.service.api.routes import continuing as routes_continue
 from plateau.service.api.routes import deletions as routes_deletions
 from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
@@ -138,7 +138,7 @@ def create_app(
         routes_deletions,
         routes_batches,
         routes_shots,
-        routes_continue,
+        routes_again,
         routes_blocking,
         routes_results,
         routes_images,

@@ -93,8 +93,8 @@ def test_submits_a_zip_waits_and_fetches_an_exr(farm: RealFarm, call: Callable[.
     assert np.array_equal(image, farm.image(farm.client.job(job.id)))
     # And it goes on by a patch of its spec
     patch = models.SpecChanges.from_dict({"max_spp": 24, "rule": {"name": "fixed", "spp": 24}})
-    further = call("jobs.continue_job", job.id, body=patch)
-    assert (further.continues, further.spec.max_spp) == (job.id, 24)
+    further = call("jobs.render_again", job.id, body=patch)
+    assert (further.again.of, further.spec.max_spp) == (job.id, 24)
     # And an error is a problem
     unknown = call("jobs.get_job", "0" * 12)
     assert isinstance(unknown, models.ProblemDetails)

@@ -111,7 +111,7 @@ def test_everything_works_and_nobody_asks_for_more_than_it_may(
         client.set_priority(long.id, 3)
         client.cancel(long.id)
         # One that goes on with the first, and one that cannot be rendered
-        client.wait(client.continue_job(job.id, {"max_spp": 48}).id, timeout_s=300)
+        client.wait(client.again(job.id, max_spp=48).id, timeout_s=300)
         broken = submit(farm, receiver, scene=broken_scene, **SMALL | {"parameters": {}})
         assert client.wait(broken.id, timeout_s=300).state == "failed"
         assert [view.name for view in client.all_batches()] == ["walk"]

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, Route, expect
 
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
-from tests.page.job.test_compare import finished
+from tests.page.job.test_again import ended
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.processes.browser import Visitor
 
@@ -99,22 +99,17 @@ class TestASubmission:
         assert len(ids(farm)) == 2
 
 
-@pytest.mark.parametrize(
-    ("opens", "starts", "path"),
-    [("Continue…", "Continue", "continue"), ("Judge again…", "Judge it", "rejudge")],
-)
-def test_a_job_that_goes_on_is_made_once(
-    visit: Visit, farm: NoiseFarm, opens: str, starts: str, path: str
+def test_a_job_that_renders_another_again_is_made_once(
+    visit: Visit, farm: NoiseFarm, url: str
 ) -> None:
-    job = finished(farm, keep_slices=True)
-    visitor = visit(f"/jobs/{job.id}", expected={404})
+    job = ended(farm, url)
+    visitor = visit(f"/submit?again={job['id']}", expected={404})
     page = visitor.page
-    page.get_by_role("button", name=opens).click()
-    lose_an_answer(page, f"**/v1/jobs/*/{path}")
-    page.get_by_role("button", name=starts, exact=True).click()
-    expect(page.get_by_role("dialog")).to_contain_text(NOT_KNOWN)
-    (made,) = set(ids(farm)) - {job.id}
-    page.get_by_role("button", name=starts, exact=True).click()
+    lose_an_answer(page, "**/v1/jobs/*/again")
+    page.get_by_role("button", name="Render it").click()
+    expect(page.locator(".wrong")).to_contain_text(NOT_KNOWN)
+    (made,) = set(ids(farm)) - {job["id"]}
+    page.get_by_role("button", name="Render it").click()
     leads_to(visitor, made)
     assert len(ids(farm)) == 2
 

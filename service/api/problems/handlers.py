@@ -12,7 +12,6 @@ from starlette.routing import compile_path
 
 from plateau.farm.model.errors import (
     BatchNotFound,
-    CannotContinue,
     CannotFollow,
     IllegalTransition,
     Incompatible,
@@ -52,7 +51,6 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
     TooManyBlocked: (problems.TOO_MANY_BLOCKED, "; let another one render it again, or drain it"),
     WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
-    CannotContinue: (problems.CANNOT_CONTINUE, ""),
     SpoiledBlob: (problems.SPOILED_FILE, ""),
 }
 
@@ -126,10 +124,13 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
 
     @app.exception_handler(JobNotEnded)
     def answer_not_ended(request: Request, error: JobNotEnded) -> JSONResponse:
-        detail = (
-            f"job {error.job_id} is {error.state}; only a job that has ended can be "
-            "deleted or tried again: cancel it first"
-        )
+        if JobState(error.state).ended:
+            detail = f"the results of job {error.job_id} are being written: try again in a moment"
+        else:
+            detail = (
+                f"job {error.job_id} is {error.state}; only a job that has ended can be deleted or "
+                "rendered again: cancel it first"
+            )
         problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)
         return problem.response(request.url.path)
 

@@ -23,6 +23,7 @@ from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.job import Again
 from plateau.farm.model.place_names import MOST_TAGS
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.scene_roots import root_tag
@@ -72,6 +73,7 @@ class Submission:
     notes: tuple[str, ...]  #: what of it was changed
     idempotency_key: str
     scene: Scene
+    again: Again | None = None  #: the job whose scene it is, if one is rendered again
 
 
 async def submission(request: Request) -> AsyncIterator[Submission]:
@@ -222,7 +224,8 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     The scene is stored before, so that no worker finds a job without one.
     """
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
-    digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
+    source = sha256 if asked.again is None else asked.again.of
+    digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
     variant = variant_for(asked.spec.variant, scene.summary.renderer)
     needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
     if len(needs) > MOST_TAGS:
@@ -240,6 +243,7 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         digest=digest,
         owner=owner,
         notes=asked.notes,
+        again=asked.again,
     )
 
 

@@ -7,19 +7,16 @@ import { ago, whole } from "../shared/figures.js";
 import { controls, mayControl } from "../shared/job_controls.js";
 import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
-import { ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
+import { AGAIN, ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { studyButton } from "../study/make_study_dialog.js";
-import { againButton } from "./again.js";
-import { continueButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
 import { Failure } from "./failure.js";
 import { reasonInWords } from "./reason.js";
-import { rejudgeButton } from "./rejudge_dialog.js";
 import { Records } from "./story_log_files.js";
 import { Viewer } from "./viewer/viewer.js";
 
@@ -38,8 +35,7 @@ export function open(main, { id, signal, go }) {
   const about = h("p", { class: "summary" });
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
-  const earlier = h("a");
-  const before = h("p", { class: "summary", hidden: true }, "It continues ", earlier, ".");
+  const again = h("p", { class: "summary", hidden: true });
   const blocked = h("p", { class: "summary blocked", hidden: true });
   const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" });
   const chart = new CurveChart(signal);
@@ -55,7 +51,7 @@ export function open(main, { id, signal, go }) {
     h("header", {},
       h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
       h("div", { class: "head" },
-        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, before, blocked),
+        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, again, blocked),
         actions),
       reason, failure.element, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
@@ -106,10 +102,9 @@ export function open(main, { id, signal, go }) {
       deletedSince(job),
       ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : timeLeft(job) || `submitted ${ago(job.created_at)}`,
     ].filter(Boolean).join(" · "));
-    before.hidden = !job.continues;
-    if (job.continues) {
-      setAttribute(earlier, "href", `/jobs/${job.continues}`);
-      setText(earlier, `an earlier job, at ${whole(job.continued_spp)} spp`);
+    if (again.hidden && job.again) {
+      again.hidden = false;
+      again.replaceChildren(...againInWords(job.again));
     }
     showBlocked(job);
     setText(reason, reasonInWords(job));
@@ -121,12 +116,12 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${deletions(job)} ${maySteer(job)} ${maySubmit()}`;
     if (kind !== shown) {
       shown = kind;
-      const buttons = [continueButton, rejudgeButton, studyButton, againButton].map((make) => make(job, go)).filter((one) => one !== null);
+      const buttons = [againLink(job), studyButton(job, go)].filter((one) => one !== null);
       actions.replaceChildren(...buttons, ...controls(() => newest, look),
         ...deletionButtons(deletions(job), (what) => deleteOrRestore([newest], what, look)));
     }
     chart.show(job, points);
-    failure.show(job, go);
+    failure.show(job);
     facts.show(job);
     records.show(job);
   }
@@ -159,4 +154,23 @@ export function open(main, { id, signal, go }) {
   }, signal).catch(complain);
   // Events announce news; images come slightly later, and rates change between events.
   repeat(async () => (last = await look()), () => (last && !last.finished_at ? LOOK_MS : CALM_MS), signal);
+}
+
+/**
+ * The way to the form with the scene and the spec of an ended job; null if it cannot be rendered again.
+ * @param {Api.JobView} job
+ */
+function againLink(job) {
+  if (!ENDED.has(job.state) || (!job.finished_at && job.committed_spp) || !maySteer(job)) return null;
+  return h("a", { class: "button", href: `/submit?${AGAIN}=${job.id}` }, "Render again…");
+}
+
+/**
+ * What a job has of the one that it renders again.
+ * @param {Api.Again} again
+ */
+function againInWords({ of, kept_spp: kept, why }) {
+  const earlier = h("a", { href: `/jobs/${of}` }, "an earlier job");
+  if (kept) return [`It keeps ${whole(kept)} spp of `, earlier, "."];
+  return ["It renders ", earlier, ` anew: ${why === "gone" ? "none of its samples are left" : `with this ${why} its samples cannot be kept`}.`];
 }

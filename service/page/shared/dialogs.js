@@ -45,10 +45,10 @@ export function confirmed(question, explanation, yes, no = "Keep it") {
  * @param {string} title
  * @param {string} yes - the label of the button that sends
  * @param {(Child | Child[])[]} inside
- * @param {{ send: () => Promise<() => unknown>, refused?: (error: unknown) => void, wait?: (waits: boolean, button: HTMLElement) => void }} doing
+ * @param {{ send: () => Promise<() => unknown>, wait?: (waits: boolean, button: HTMLElement) => void }} doing
  *   `send` resolves to what to do once the dialog has closed; `wait` is called when a request begins and ends
  */
-export function openForm(title, yes, inside, { send, refused, wait }) {
+export function openForm(title, yes, inside, { send, wait }) {
   const wrong = h("p", { class: "bad", role: "alert" });
   const button = h("button", { type: "submit", class: "primary" }, yes);
   const dialog = openDialog(title, { onsubmit: submit }, ...inside, wrong,
@@ -67,10 +67,8 @@ export function openForm(title, yes, inside, { send, refused, wait }) {
       next();
     } catch (error) {
       setText(wrong, messageOf(error));
-      refused?.(error);
       button.disabled = false;
     }
     wait?.(false, button);
   }
-  return dialog;
 }

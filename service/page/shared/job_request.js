@@ -1,6 +1,6 @@
 // Requests that make one job, even if they are repeated after a lost answer.
 
-import { isAbort, Problem, send } from "./api.js";
+import { isAbort, Problem } from "./api.js";
 import { sentence } from "./figures.js";
 
 export class OneJob {
@@ -26,20 +26,6 @@ export class OneJob {
       throw error;
     }
   }
-}
-
-/**
- * The `send` of a form that makes a job from another one; it resolves to the way to the new job.
- * @param {string} path
- * @param {() => object} changes
- * @param {(path: string) => void} go
- */
-export function jobMaker(path, changes, go) {
-  const wanted = new OneJob();
-  return async () => {
-    const next = await wanted.make((headers) => send("POST", path, changes(), headers));
-    return () => go(`/jobs/${next.id}`);
-  };
 }
 
 /** @param {unknown} error */

@@ -44,7 +44,7 @@ export async function probe(form, spec, rules, signal) {
     const done = await ended(first, patience);
     if (done.state === "failed") throw new Error(done.reason ?? "the probe has failed");
     if (!done.spp) throw new Error(`The probe rendered nothing in ${PROBE_S} s.`);
-    for (const rule of others) jobs.push(await send("POST", first.links.rejudge, { rule }));
+    for (const rule of others) jobs.push(await send("POST", first.links.again, { rule, max_spp: done.committed_spp }));
     const pace = secondsForEach(done, await curveOf(done, patience));
     const found = await Promise.all(jobs.map(async (job) => {
       const judged = await ended(job, patience);

@@ -1,6 +1,6 @@
 // Submitting a scene: upload it, see what the check found, and choose when to stop.
 
-import { get, isAbort, isProblem, Problem, upload } from "../shared/api.js";
+import { get, isAbort, isProblem, Problem, send, upload } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { bytes, several, share } from "../shared/figures.js";
 import { blame, Field, valuesOf } from "../shared/form_fields.js";
@@ -53,6 +53,8 @@ class Submission {
   /** @type {AbortController | null} */
   #sending = null;
   #wanted = new OneJob();
+  /** The job that is rendered again, and its spec as the form had it. @type {{ job: Api.JobView, had: object } | null} */
+  #again = null;
   /** @type {Field[]} */
   #parameters = [];
   /** The values of parameters that a job had, for the fields of its scene. @type {Api.JobSpec["parameters"]} */
@@ -106,7 +108,7 @@ class Submission {
       ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, again ? `Submit ${title(again)} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
+      h("h1", {}, again ? `Render ${title(again)} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored(scenes);
     if (again) this.#fill(again);
   }
@@ -115,11 +117,13 @@ class Submission {
    * Takes the scene and the spec of a job, to be changed.
    * @param {Api.JobView} job
    */
-  #fill({ scene_sha256: sha256, spec }) {
+  #fill(job) {
+    const { scene_sha256: sha256, spec } = job;
     const { webhook, shot } = spec;
     this.#spec.fill(spec);
     this.#given = spec.parameters;
-    setText(this.#hint, ["A new job renders the same scene from its first sample on, as you ask for it below.",
+    this.#again = { job, had: { ...this.#spec.values(), parameters: spec.parameters } };
+    setText(this.#hint, ["A new job renders the same scene, as you ask for it below. It keeps the samples that there are, where your changes allow it; another seed draws others.",
       webhook ? "The job's webhook is left out: add it, if it is to hear of the new job." : "",
       shot ? "The new job is no frame of the shot." : ""].filter(Boolean).join(" "));
     this.#hint.hidden = false;
@@ -161,6 +165,7 @@ class Submission {
 
   /** @param {{ file?: File, path?: string, sha256?: string }} scene */
   #take({ file, path = "", sha256 = "" }) {
+    if (sha256 !== this.#again?.job.scene_sha256) this.#again = null;
     this.#file = file ?? null;
     this.#path = path;
     this.#sha256 = sha256;
@@ -280,7 +285,10 @@ class Submission {
     this.#button.disabled = true;
     try {
       const spec = { ...this.#spec.values(), parameters: this.#frames.of(valuesOf(this.#parameters)) };
-      const made = await this.#wanted.make((headers) => upload("/v1/jobs", this.#form(spec), { signal: this.#signal, headers }));
+      const again = Array.isArray(spec.parameters) ? null : this.#again;
+      const made = await this.#wanted.make((headers) => again
+        ? send("POST", again.job.links.again, patchOf(again.had, spec), headers)
+        : upload("/v1/jobs", this.#form(spec), { signal: this.#signal, headers }));
       this.#go("id" in made ? `/jobs/${made.id}` : `/?batch=${encodeURIComponent(made.name)}`);
     } catch (error) {
       if (isAbort(error)) return;
@@ -307,4 +315,27 @@ class Submission {
     place.closest("details")?.setAttribute("open", "");
     place.focus();
   }
+}
+
+/**
+ * The JSON merge patch that makes one object of another; one with a name is replaced whole.
+ * @param {Record<string, any>} had
+ * @param {Record<string, any>} wanted
+ */
+function patchOf(had, wanted) {
+  /** @type {Record<string, any>} */
+  const patch = {};
+  for (const name of new Set([...Object.keys(had), ...Object.keys(wanted)])) {
+    const [from, to] = [had[name] ?? null, wanted[name] ?? null];
+    const isMerged = isObject(from) && isObject(to) && !("name" in to);
+    // A parameter of the scene may be a number, and its field has it as text.
+    if (JSON.stringify(from) === JSON.stringify(to) || (!isObject(to) && String(from) === String(to))) continue;
+    patch[name] = isMerged ? patchOf(from, to) : to;
+  }
+  return patch;
+}
+
+/** @param {unknown} value */
+function isObject(value) {
+  return typeof value === "object" && value !== null && !Array.isArray(value);
 }

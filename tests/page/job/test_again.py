@@ -1,4 +1,4 @@
-"""Submitting the scene of an ended job again: the form has its spec."""
+"""Rendering an ended job again: the form has its spec, and its samples are kept if they can be."""
 
 import json
 import re
@@ -12,6 +12,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.until import until
 
 PARAMETERS = {"width": "64", "height": "48"}
 
@@ -25,6 +26,17 @@ def ended(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
     return job
 
 
+def rendered(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
+    """A job that has reached its cap of 50 spp."""
+    short = {"step": 25, "slice_spp": 25, "max_spp": 50, "parameters": PARAMETERS, **spec}
+    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(short))}
+    job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(job["id"]).finished_at is not None, 60)
+    return job
+
+
 def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
     """The spec of the job that the form makes."""
     page.get_by_role("button", name="Render it").click()
@@ -34,14 +46,12 @@ def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
     return job.spec.model_dump(mode="json")
 
 
-def test_a_scene_is_submitted_again_with_another_spec(
-    visit: Visit, farm: NoiseFarm, url: str
-) -> None:
+def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm, url: str) -> None:
     first = ended(farm, url, name="kitchen", max_spp=400, rule={"name": "fixed", "spp": 300})
     page = visit(f"/jobs/{first['id']}", expected={404, 422}).page
-    page.get_by_role("link", name="Submit again…").click()
+    page.get_by_role("link", name="Render again…").click()
     expect(page).to_have_url(re.compile(rf"/submit\?again={first['id']}$"))
-    expect(page.get_by_role("heading", name="Submit kitchen again")).to_be_visible()
+    expect(page.get_by_role("heading", name="Render kitchen again")).to_be_visible()
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     # What cannot be is said by the service, and can be mended
     page.get_by_label("Stop at", exact=True).fill("0")
@@ -51,6 +61,7 @@ def test_a_scene_is_submitted_again_with_another_spec(
     page.get_by_label("width", exact=True).fill("32")
     spec = sent(page, farm)
     assert farm.jobs.get(page.url.rpartition("/")[2]).scene_sha256 == first["scene_sha256"]
+    expect(page.get_by_text("It renders an earlier job anew: none of its samples")).to_be_visible()
     # Then the new job has what was changed, and all else as it was
     changed = {"rule": {"name": "fixed", "spp": 350}, "parameters": {"width": "32", "height": "48"}}
     assert spec == {**first["spec"], **changed}
@@ -109,6 +120,38 @@ def test_what_is_not_changed_is_as_it_was(
     assert spec == first["spec"]
 
 
+def test_a_higher_cap_keeps_the_samples(visit: Visit, farm: NoiseFarm, url: str) -> None:
+    job = rendered(farm, url)
+    page = visit(f"/jobs/{job['id']}", expected={422}).page
+    page.get_by_role("link", name="Render again…").click()
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    page.get_by_label("At most").fill("100")
+    page.get_by_role("button", name="Render it").click()
+    expect(page.get_by_text("It keeps 50 spp of an earlier job.")).to_be_visible()
+    new = farm.jobs.get(page.url.rpartition("/")[2])
+    assert (new.again.of, new.again.kept_spp, new.spec.max_spp) == (job["id"], 50, 100)
+
+
+def test_kept_slices_are_judged_again_under_another_view(
+    visit: Visit, farm: NoiseFarm, url: str
+) -> None:
+    job = rendered(farm, url, keep_slices=True, view={"pixels_per_degree": 57.0})
+    page = visit(f"/submit?again={job['id']}", expected={404, 422}).page
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    page.get_by_label("Or pixels in a degree").fill("")
+    page.get_by_label("Image width seen under").fill("20")
+    page.get_by_role("button", name="Render it").click()
+    expect(page.get_by_text("It keeps 50 spp of an earlier job.")).to_be_visible()
+    new = farm.jobs.get(page.url.rpartition("/")[2])
+    # What was cleared is as it is by default
+    view = new.spec.view
+    assert (view.field_of_view_deg, view.pixels_per_degree) == (20, None)
+    with farm.monitor():
+        until(lambda: farm.jobs.get(new.id).finished_at is not None, 60)
+    assert farm.jobs.get(new.id).points
+    assert farm.jobs.get(new.id).machine_s == 0
+
+
 def test_a_webhook_is_left_out_and_the_form_says_so(
     visit: Visit, farm: NoiseFarm, url: str
 ) -> None:
@@ -129,4 +172,4 @@ def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
 def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{farm.submit('box').id}").page
     expect(page.get_by_role("heading", name="box")).to_be_visible()
-    expect(page.get_by_role("link", name="Submit again…")).to_have_count(0)
+    expect(page.get_by_role("link", name="Render again…")).to_have_count(0)

@@ -149,28 +149,6 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
 
 
-def test_an_ended_job_is_gone_on_with(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit("box.zip", step=25, max_spp=50, rule={"name": "visible", "target": 0.001})
-    with farm.monitor():
-        farm.render(2)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
-    visitor = visit(f"/jobs/{job.id}", expected={422})
-    page = visitor.page
-    page.get_by_role("button", name="Continue…").click()
-    # What cannot be, if only the service knows it, is said in the dialog, which stays
-    page.get_by_label("At most").evaluate("input => input.removeAttribute('max')")
-    page.get_by_label("At most").fill("2000000")
-    page.get_by_role("button", name="Continue", exact=True).click()
-    expect(page.get_by_role("dialog")).to_contain_text("must be at most 1,000,000")
-    page.get_by_label("At most").fill("100")
-    page.get_by_label("Noise that may be left").fill("0.05")
-    page.get_by_role("button", name="Continue", exact=True).click()
-    expect(page.get_by_text("It continues an earlier job, at 50 spp.")).to_be_visible()
-    new = farm.jobs.get(page.url.rpartition("/")[2])
-    assert (new.continues, new.spec.max_spp) == (job.id, 100)
-    assert new.spec.rule.model_dump()["target"] == 0.0005
-
-
 class TestTheImage:
     def test_is_the_one_that_was_judged(self, shown: Page, finished: Finished) -> None:
         assert (

@@ -55,13 +55,6 @@ def test_they_are_shown_with_their_scale(visit: Visit, farm: NoiseFarm) -> None:
     assert download.value.path().read_bytes() == farm.picture(job, "spp.png")
     # Its slices make no study, which compares whole frames
     expect(page.get_by_role("button", name="Study…")).to_be_hidden()
-    # They can be judged again, where its steps ended
-    page.get_by_role("button", name="Judge again…").click()
-    dialog = page.get_by_role("dialog")
-    expect(dialog.get_by_label("Exposure")).to_be_visible()
-    expect(dialog.get_by_label("Judge every")).to_have_count(0)
-    dialog.get_by_role("button", name="Judge it").click()
-    expect(page.get_by_text("It continues an earlier job")).to_be_visible()
 
 
 @pytest.mark.long

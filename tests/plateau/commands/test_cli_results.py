@@ -211,14 +211,6 @@ class TestFarm:
         code, _, err = plateau("block", "a,b", *at)
         assert (code, "worker: must be" in err) == (1, True)
 
-    def test_a_failed_job_is_tried_again(self, job: StagedJob) -> None:
-        code, _, err = plateau("retry", job.id)
-        assert (code, "only a job that has ended" in err) == (1, True)
-        plateau("cancel", job.id)
-        code, again, _ = plateau("retry", job.id[:5])
-        assert (code, len(again.strip())) == (0, 12)
-        assert again.strip() != job.id
-
     def test_a_worker_is_a_row(self) -> None:
         now = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
         worker = WorkerView(

@@ -91,8 +91,7 @@ OPERATIONS = [
 _DEAR = {
     "POST /v1/jobs",
     "POST /v1/scenes",
-    "POST /v1/jobs/{job_id}/continue",
-    "POST /v1/jobs/{job_id}/rejudge",
+    "POST /v1/jobs/{job_id}/again",
 }
 
 

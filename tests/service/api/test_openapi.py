@@ -126,7 +126,7 @@ def test_every_body_says_all_that_may_be_in_it(
 
 
 class TestThePatchOfASpec:
-    """The body of `continue` and `rejudge`, which names fields of the spec and parts of them."""
+    """The body of `again`, which names fields of the spec and parts of them."""
 
     @pytest.mark.parametrize(
         "changes",
@@ -168,10 +168,7 @@ class TestThePatchOfASpec:
         job.commit()
         job.end()
         job.finish()
-        for call in ("continue", "rejudge"):
-            answer = http.post(f"/v1/jobs/{job.id}/{call}", json=changes)
-            assert answer.status_code in {409, 422}, f"{call}: {answer.text}"
-        said = http.post(f"/v1/jobs/{job.id}/continue", json=changes).json()
+        said = http.post(f"/v1/jobs/{job.id}/again", json=changes).json()
         assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}
 
 
@@ -199,9 +196,7 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
     job = "/v1/jobs/{job_id}"
     assert headers == {
         ("/v1/jobs", "idempotency-key"),
-        ("/v1/jobs/{job_id}/continue", "idempotency-key"),
-        ("/v1/jobs/{job_id}/rejudge", "idempotency-key"),
-        ("/v1/jobs/{job_id}/retry", "idempotency-key"),
+        ("/v1/jobs/{job_id}/again", "idempotency-key"),
         (f"{job}/events", "last-event-id"),
         ("/v1/batches/{name}/shot/film.png", "if-none-match"),
         ("/v1/batches/{name}/shot/flicker.png", "if-none-match"),

@@ -16,7 +16,6 @@ from plateau.farm.images.exr import (
     encode_partial,
 )
 from plateau.farm.ledger.queue import Committed, Lease
-from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
@@ -24,7 +23,7 @@ from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
-from tests.service.api.routes.test_continue import go_on
+from tests.service.api.routes.test_again import go_on, loses
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
 from tests.support.farms.noise_farm import NoiseFarm, ramp
@@ -272,7 +271,5 @@ def test_its_kept_slices_can_be_judged_by_another_rule(farm: NoiseFarm) -> None:
 
 def test_zones_cannot_go_on_as_frames_nor_with_another_step(farm: NoiseFarm) -> None:
     done = finished(farm, **JOB, keep_slices=True)
-    with pytest.raises(CannotContinue, match="allocation makes other samples"):
-        go_on(farm, done, allocation={"name": "frame"})
-    with pytest.raises(CannotContinue, match="its step cannot change"):
-        go_on(farm, done, step=80)
+    assert loses(farm, done, allocation={"name": "frame"}) == "allocation"
+    assert loses(farm, done, step=80) == "step"

@@ -265,7 +265,7 @@ class TestARole:
                 yours.post(f"{steered}/cancel"),
                 yours.post(f"{steered}/pause"),
                 yours.post(f"{steered}/resume"),
-                yours.post(f"{steered}/continue", json={}),
+                yours.post(f"{steered}/again", json={}),
                 yours.request("DELETE", f"{steered}/anything/to/come"),
             ):
                 assert "the role admin" in problem(answer, 403, "not-your-job")["detail"]

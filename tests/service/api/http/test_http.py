@@ -290,7 +290,7 @@ class TestAWholeNumber:
         job.end()
         job.finish()
         # It is another field that is refused, by its name
-        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": 400.0, "min_spp": 10.5})
+        answer = http.post(f"/v1/jobs/{job.id}/again", json={"max_spp": 400.0, "min_spp": 10.5})
         found = problem(answer, 422, "invalid-spec")
         assert [one["field"] for one in found["errors"]] == ["spec.min_spp"]
 
@@ -299,7 +299,7 @@ class TestAWholeNumber:
         job.commit()
         job.end()
         job.finish()
-        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": "400"})
+        answer = http.post(f"/v1/jobs/{job.id}/again", json={"max_spp": "400"})
         found = problem(answer, 422, "invalid-spec")
         assert [one["field"] for one in found["errors"]] == ["spec.max_spp"]
 

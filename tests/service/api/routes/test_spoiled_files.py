@@ -218,7 +218,7 @@ def test_a_job_that_goes_on_shows_no_damaged_image_of_the_first(
     farm: NoiseFarm, client: redis.Redis, api: httpx.Client
 ) -> None:
     first = finished(farm)
-    path = f"/v1/jobs/{first.id}/continue"
+    path = f"/v1/jobs/{first.id}/again"
     second = api.post(path, json={"max_spp": 80, "rule": {"name": "fixed", "spp": 80}}).json()
     blob = f"{farm.jobs.results(second['id'])}/image.png"
     assert blob.startswith(blobs.results(first.id))

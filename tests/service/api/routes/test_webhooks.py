@@ -206,7 +206,7 @@ def test_a_job_that_goes_on_tells_nobody_whom_a_new_one_may_not(
     job.commit(4)
     job.end()
     job.finish()
-    path = f"/v1/jobs/{job.id}/continue"
+    path = f"/v1/jobs/{job.id}/again"
     found = http.post(path, json={"webhook": {"url": "https://127.0.0.1/"}})
     problem(found, 422, "invalid-spec")
     assert http.post(path, json={"webhook": {"url": URL}}).status_code == 201

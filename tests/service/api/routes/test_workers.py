@@ -163,12 +163,12 @@ def test_a_worker_is_blocked_for_a_job(http: httpx.Client, worker: str) -> None:
     problem(http.put(f"/v1/jobs/{'0' * 12}/blocked/w"), 404, "unknown-job")
 
 
-def test_a_failed_job_is_tried_again_on_other_workers(
+def test_a_failed_job_is_rendered_again_on_other_workers(
     http: httpx.Client, client: redis.Redis, worker: str
 ) -> None:
     hook = '"webhook": {"url": "https://studio.example/a"}'
     job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {hook}}}')
-    problem(http.post(job["links"]["retry"]), 409, "job-not-ended")
+    problem(http.post(job["links"]["again"], json={}), 409, "job-not-ended")
     owners = Ownerships(client, lease_s=60)
     owned = owners.acquire(job["id"])
     assert owned is not None
@@ -178,13 +178,16 @@ def test_a_failed_job_is_tried_again_on_other_workers(
     assert lease is not None
     queue.fail(lease, "no such driver")
     headers = {"Idempotency-Key": "again"}
-    first, second = (http.post(job["links"]["retry"], headers=headers) for _ in range(2))
+    first, second = (http.post(job["links"]["again"], json={}, headers=headers) for _ in range(2))
     again = first.json()
     assert (first.status_code, first.headers["Location"]) == (201, f"/v1/jobs/{again['id']}")
     assert (second.json()["id"], second.headers["Idempotency-Replayed"]) == (again["id"], "true")
     assert (again["name"], again["spec"]["seed"], again["state"]) == ("kitchen", 3, "queued")
     assert (again["spec"]["blocked"], again["spec"]["webhook"]) == (["old", worker], None)
     assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
+    assert again["again"] == {"of": job["id"], "kept_spp": 0, "why": "gone"}
+    unblocked = http.post(job["links"]["again"], json={"blocked": []}).json()
+    assert unblocked["spec"]["blocked"] == []
 
 
 def test_a_job_waits_for_others(http: httpx.Client) -> None:

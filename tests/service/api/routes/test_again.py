@@ -1,5 +1,6 @@
-"""Goes on with ended jobs: the image and the curve are those of a job that was never stopped."""
+"""Ended jobs are rendered again: where samples are kept, as if the job had never been stopped."""
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from pydantic import ValidationError
 from plateau.farm.blobs import store as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.batches import Batches
-from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, check
-from plateau.farm.model.errors import CannotContinue
+from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, lost_by
+from plateau.farm.model.errors import JobNotEnded
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.slices.plan import Plan
@@ -22,6 +23,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
+from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.faults.invariants import check_job
@@ -54,8 +56,14 @@ def go_on(farm: NoiseFarm, job: Job, **changes: Any) -> Job:
     continuations = Continuations(farm.jobs._redis)
     remains = continuations.remains(job)
     spec = JobSpec.model_validate(changed_spec(job.spec, changes))
-    check(job, remains, spec)
+    assert lost_by(job, remains, spec) is None
     return continuations.start(job, remains, spec).job
+
+
+def loses(farm: NoiseFarm, job: Job, **changes: Any) -> str | None:
+    """Why a job with these changes cannot have the samples of this one."""
+    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
+    return lost_by(job, Continuations(farm.jobs._redis).remains(job), spec)
 
 
 def pixels(farm: NoiseFarm, job: Job) -> bytes:
@@ -105,7 +113,10 @@ def test_a_stricter_rule_goes_on_as_if_it_had_ruled_from_the_start(
     # And the old job is as it was
     after = pixels(farm, stopped), curve(farm, stopped), farm.jobs.get(stopped.id)
     assert after == before
-    assert (done.continues, done.continued_spp) == (stopped.id, 0 if keep_slices else 80)
+    assert done.again.of == stopped.id
+    kept = len(farm.jobs.ledger(stopped.id)) if keep_slices else 8
+    assert done.again.kept_spp == kept * SLICE
+    assert done.continued_spp == (0 if keep_slices else 80)
 
 
 def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> None:
@@ -121,7 +132,7 @@ def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> Non
     films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(12))
     expected = (films[..., :3] / films[..., 3:]).astype(np.float32)
     assert pixels(farm, again) == expected.tobytes()
-    assert again.continues == done.id
+    assert (again.again.of, again.again.kept_spp) == (done.id, 100)
 
 
 def test_a_cancelled_job_can_be_taken_up_again(farm: NoiseFarm) -> None:
@@ -209,8 +220,7 @@ def test_sums_go_after_their_time_and_the_results_stay(
         assert (would.sums, would.orphans, would.blobs) == (1, 0, 1)
     assert farm.store.names(blobs.checkpoints(job.id)) == []
     assert farm.picture(job, "image.png")
-    with pytest.raises(CannotContinue, match="none of its samples are left"):
-        go_on(farm, farm.jobs.get(job.id))
+    assert loses(farm, farm.jobs.get(job.id)) == "gone"
 
 
 def test_sums_stay_for_a_job_that_still_stands_on_them(
@@ -260,57 +270,49 @@ class TestCapsOfScalarJobs:
     """On scalar variants the cap decides which passes and seeds the samples have."""
 
     @pytest.fixture
-    def go_on_from(self, farm: NoiseFarm) -> Callable[..., None]:
-        """Check a cap for a job at 1024×1024 that was rendered to some spp, by `auto` on scalar."""
+    def lost_to(self, farm: NoiseFarm) -> Callable[..., str | None]:
+        """Why a job of another cap cannot have the samples of one at 1024×1024, on scalar_rgb."""
 
-        def go_on_from(spp: int, cap: int, *, to: int, seed: int = 0) -> None:
+        def lost_to(spp: int, cap: int, *, to: int, seed: int = 0) -> str | None:
             made = farm.submit(max_spp=cap, seed=seed)
             film = {"variant": "scalar_rgb", "width": 1024, "height": 1024}
             job = made.model_copy(update={**film, "state": JobState.EXHAUSTED})
             drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
             slices = spp // 25
             seeds = tuple(drawn.seed_range(index) for index in range(slices))
-            check(
-                job,
-                Remains(slices, "sums", seeds, Plan.of(job.spec)),
-                JobSpec(max_spp=to, seed=seed),
-            )
+            remains = Remains(slices, "sums", seeds, Plan.of(job.spec))
+            return lost_by(job, remains, JobSpec(max_spp=to, seed=seed))
 
-        return go_on_from
+        return lost_to
 
-    def test_one_that_takes_larger_passes_is_refused_and_those_that_fit_are_named(
-        self, go_on_from: Callable[..., None]
+    def test_one_that_takes_larger_passes_keeps_no_samples(
+        self, lost_to: Callable[..., str | None]
     ) -> None:
-        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
-            go_on_from(10_000, 10_000, to=20_000)
-        go_on_from(10_000, 10_000, to=14_625)
-        with pytest.raises(CannotContinue):
-            go_on_from(10_000, 10_000, to=14_650)
+        assert lost_to(10_000, 10_000, to=20_000) == "max_spp"
+        assert lost_to(10_000, 10_000, to=14_625) is None
+        assert lost_to(10_000, 10_000, to=14_650) == "max_spp"
 
-    def test_so_is_one_that_takes_smaller_passes(self, go_on_from: Callable[..., None]) -> None:
-        with pytest.raises(CannotContinue, match="a max_spp from 14650 to 25600 goes on"):
-            go_on_from(2500, 20_000, to=10_000)
-        go_on_from(2500, 20_000, to=14_650)
-        go_on_from(2500, 20_000, to=25_600)
-
-    def test_one_beyond_all_seeds_is_refused_though_llvm_would_have_enough(
-        self, go_on_from: Callable[..., None]
+    def test_nor_does_one_that_takes_smaller_passes(
+        self, lost_to: Callable[..., str | None]
     ) -> None:
-        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
-            go_on_from(10_000, 10_000, to=1_000_000)
+        assert lost_to(2500, 20_000, to=10_000) == "max_spp"
+        assert lost_to(2500, 20_000, to=14_650) is None
+        assert lost_to(2500, 20_000, to=25_600) is None
 
-    def test_with_a_seed_of_its_own_a_job_has_no_other_cap(
-        self, go_on_from: Callable[..., None]
+    def test_nor_one_beyond_all_seeds_though_llvm_would_have_enough(
+        self, lost_to: Callable[..., str | None]
     ) -> None:
-        go_on_from(500, 2000, to=2000, seed=1)
+        assert lost_to(10_000, 10_000, to=1_000_000) == "max_spp"
+
+    def test_with_a_seed_of_its_own_only_the_same_cap_keeps_them(
+        self, lost_to: Callable[..., str | None]
+    ) -> None:
+        assert lost_to(500, 2000, to=2000, seed=1) is None
         for other in (1000, 1975, 2025):
-            with pytest.raises(CannotContinue, match="a max_spp of 2000 goes on with them"):
-                go_on_from(500, 2000, to=other, seed=1)
-        with pytest.raises(CannotContinue, match="submit the scene as a new job"):
-            go_on_from(2000, 2000, to=4000, seed=1)
+            assert lost_to(500, 2000, to=other, seed=1) == "max_spp"
 
 
-class TestWhatCannotBe:
+class TestWhatIsLost:
     @pytest.fixture
     def ended(self, farm: NoiseFarm) -> Job:
         with farm.monitor():
@@ -319,43 +321,54 @@ class TestWhatCannotBe:
     @pytest.mark.parametrize(
         ("changes", "why"),
         [
-            ({"seed": 1}, "seed makes other samples"),
-            ({"parameters": {"x": 1}}, "parameters makes other samples"),
-            ({"variant": "scalar_rgb"}, "variant makes other samples"),
-            ({"view": {"exposure_ev": 1}}, "its view cannot change"),
-            ({"step": 40}, "its step cannot change"),
-            ({"keep_slices": True}, "would have a gap"),
-            ({"rule": {"name": "multiple"}}, "multiple compares with earlier images"),
-            ({"max_spp": 80}, "leaves nothing to render"),
+            ({"seed": 1}, "seed"),
+            ({"parameters": {"x": 1}}, "parameters"),
+            ({"variant": "scalar_rgb"}, "variant"),
+            ({"after": ["walk"]}, "after"),
+            ({"view": {"exposure_ev": 1}}, "view"),
+            ({"step": 40}, "step"),
+            ({"keep_slices": True}, "keep_slices"),
+            ({"rule": {"name": "multiple"}}, "rule"),
+            ({"watch": [{"name": "multiple"}]}, "watch"),
+            ({"max_spp": 80}, "max_spp"),
+            ({"priority": 5, "name": "other"}, None),
         ],
         ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
     )
-    def test_changes_that_the_sums_do_not_bear(
-        self, farm: NoiseFarm, ended: Job, changes: dict[str, Any], why: str
+    def test_to_changes_that_the_sums_do_not_bear(
+        self, farm: NoiseFarm, ended: Job, changes: dict[str, Any], why: str | None
     ) -> None:
-        with pytest.raises(CannotContinue, match=why):
-            go_on(farm, ended, **changes)
+        assert loses(farm, ended, **changes) == why
 
-    def test_a_job_that_has_not_ended(self, farm: NoiseFarm) -> None:
-        with pytest.raises(CannotContinue, match="it is queued: it goes on by itself"):
-            go_on(farm, farm.submit(**QUICK))
-
-    def test_one_that_ended_without_a_sample(self, farm: NoiseFarm) -> None:
+    def test_nothing_to_a_parameter_that_is_written_otherwise(self, farm: NoiseFarm) -> None:
         with farm.monitor():
-            job = farm.submit(**QUICK)
-            farm.jobs.cancel(job.id)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None)
-        with pytest.raises(CannotContinue, match="none of its samples are left"):
+            job = work(farm, farm.submit(**QUICK, parameters={"width": 32}))
+        assert loses(farm, job, parameters={"width": "32"}) is None
+        assert loses(farm, job, parameters={"width": "33"}) == "parameters"
+
+    def test_a_job_has_to_have_ended_and_written_its_results(self, farm: NoiseFarm) -> None:
+        with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
+            go_on(farm, farm.submit(**QUICK))
+        with farm.monitor():
+            job = work(farm, farm.submit(**QUICK))
+        farm.jobs._redis.hdel(keys.job(job.id), "finished_at")
+        with pytest.raises(JobNotEnded, match="its results are being written"):
             go_on(farm, farm.jobs.get(job.id))
 
-    def test_one_whose_sums_went_between_the_look_and_the_start(
-        self, farm: NoiseFarm, client: redis.Redis, ended: Job
+    def test_one_that_ended_without_a_sample_has_none(self, farm: NoiseFarm) -> None:
+        job = farm.submit(**QUICK)
+        farm.jobs.cancel(job.id)
+        assert loses(farm, farm.jobs.get(job.id)) == "gone"
+
+    def test_sums_that_went_between_the_look_and_the_start_start_nothing(
+        self, client: redis.Redis, ended: Job
     ) -> None:
         continuations = Continuations(client)
         remains = continuations.remains(ended)
+        assert remains is not None
         client.hdel(keys.job(ended.id), "checkpoint")
-        with pytest.raises(CannotContinue, match="has just changed"):
-            continuations.start(ended, remains, ended.spec)
+        assert continuations.start(ended, remains, ended.spec) is None
+        assert continuations.remains(ended) is None
 
 
 def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
@@ -397,7 +410,7 @@ class TestOverHttp:
     def test_a_job_goes_on_once_however_often_it_is_asked(
         self, farm: NoiseFarm, http: httpx.Client, ended: Job
     ) -> None:
-        path, body = f"/v1/jobs/{ended.id}/continue", {"rule": {"spp": 120}}
+        path, body = f"/v1/jobs/{ended.id}/again", {"rule": {"spp": 120}}
         first, second = (
             http.post(path, json=body, headers={"Idempotency-Key": "once"}) for _ in range(2)
         )
@@ -407,10 +420,11 @@ class TestOverHttp:
         assert second.json()["id"] == job["id"]
         assert second.headers["idempotency-replayed"] == "true"
         # It has the samples, the curve and the image of the old one, and renders
-        assert (job["state"], job["continues"]) == ("rendering", ended.id)
+        assert job["state"] == "rendering"
+        assert job["again"] == {"of": ended.id, "kept_spp": 80, "why": None}
         assert (job["spp"], job["continued_spp"], job["points"]) == (80, 80, 4)
         assert job["spec"]["rule"] == {"name": "fixed", "spp": 120}
-        assert job["spec"]["batch"] is None  # which was the old job's own
+        assert job["spec"]["batch"] == "tuesday"
         assert http.get(job["links"]["image_png"]).status_code == 200
         points = http.get(job["links"]["curve"]).json()["points"]
         assert [point["spp"] for point in points] == [20, 40, 60, 80]
@@ -421,70 +435,100 @@ class TestOverHttp:
         assert other.json()["type"] == "/problems/idempotency-key-reused"
 
     @pytest.mark.parametrize(
-        ("verb", "body", "slug"),
+        ("body", "slug"),
         [
-            ("continue", {"seed": 3}, "cannot-continue"),
-            ("continue", {"nonsense": 3}, "invalid-spec"),
-            ("continue", {"rule": {"spp": "many"}}, "invalid-spec"),
-            ("continue", {"max_spp": 10**9}, "invalid-spec"),
-            ("continue", [1], "invalid-request"),
-            ("rejudge", {}, "cannot-continue"),
+            ({"nonsense": 3}, "invalid-spec"),
+            ({"rule": {"spp": "many"}}, "invalid-spec"),
+            ({"max_spp": 10**9}, "invalid-spec"),
+            ({"shot": {"fps": 24}}, "invalid-spec"),
+            ([1], "invalid-request"),
         ],
     )
     def test_what_cannot_be_is_said(
-        self, http: httpx.Client, ended: Job, verb: str, body: Any, slug: str
+        self, http: httpx.Client, ended: Job, body: Any, slug: str
     ) -> None:
-        answer = http.post(f"/v1/jobs/{ended.id}/{verb}", json=body)
+        answer = http.post(f"/v1/jobs/{ended.id}/again", json=body)
         assert answer.json()["type"] == f"/problems/{slug}", answer.text
         assert http.get("/v1/jobs").json()["jobs"][0]["id"] == ended.id
 
-    def test_a_cap_with_other_seeds_makes_no_job(self, farm: NoiseFarm, http: httpx.Client) -> None:
+    def test_where_samples_cannot_be_kept_all_is_rendered_anew(
+        self, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
         # Given an exhausted job on a scalar variant, with a seed of its own
+        files = {"scene": ("box.xml", SCENE_XML)}
+        asked = {**QUICK, "max_spp": 60, "seed": 1, "webhook": {"url": "https://studio.example/"}}
+        made = http.post("/v1/jobs", files=files, data={"spec": json.dumps(asked)}).json()
         with farm.monitor():
-            job = work(farm, farm.submit(**{**QUICK, "max_spp": 60, "seed": 1}))
-        # When it is to go on to another cap, then that is refused, and nothing was made
-        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": 100})
-        assert (answer.status_code, answer.json()["type"]) == (409, "/problems/cannot-continue")
-        assert "draws other samples for a cap of 100 spp" in answer.json()["detail"]
-        assert [one["id"] for one in http.get("/v1/jobs").json()["jobs"]] == [job.id]
+            old = work(farm, farm.jobs.get(made["id"]))
+        assert old.state is JobState.EXHAUSTED
+        # When it is rendered again with what draws other samples
+        for changes, why in (({"max_spp": 100}, "max_spp"), ({"seed": 2}, "seed")):
+            body = {**changes, "name": "other"}
+            headers = {"Idempotency-Key": why}
+            path = f"/v1/jobs/{old.id}/again"
+            first, second = (http.post(path, json=body, headers=headers) for _ in range(2))
+            # Then that is a job of its own, which begins with none
+            new = first.json()
+            assert new["again"] == {"of": old.id, "kept_spp": 0, "why": why}, first.text
+            assert (new["state"], new["spp"]) == ("queued", 0)
+            assert new["scene_sha256"] == old.scene_sha256
+            spec = {**old.spec.model_dump(mode="json"), **body, "webhook": None}
+            assert new["spec"] == spec
+            assert second.json()["id"] == new["id"]
+            assert second.headers["idempotency-replayed"] == "true"
 
-    def test_kept_slices_with_other_seeds_are_judged_again_but_go_on_from_their_own_job(
+    def test_a_failed_job_keeps_what_was_committed_and_leaves_out_who_failed(
+        self, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        with farm.monitor():
+            job = farm.submit(**QUICK)
+            farm.render(4)
+            until(lambda: farm.jobs.get(job.id).spp == 40)
+            lease = farm.next_lease()
+            farm.queue.fail(lease, "no such driver")
+            until(lambda: farm.jobs.get(job.id).finished_at is not None)
+            new = http.post(f"/v1/jobs/{job.id}/again", json={}).json()
+            assert new["again"] == {"of": job.id, "kept_spp": 40, "why": None}
+            assert new["spec"]["blocked"] == [farm.queue._worker]
+            undisturbed = work(farm, farm.submit(**QUICK))
+            farm.jobs.block(new["id"], farm.queue._worker, undo=True)
+            done = work(farm, farm.jobs.get(new["id"]))
+        assert pixels(farm, done) == pixels(farm, undisturbed)
+
+    def test_the_scene_is_checked_with_what_changes(
+        self, http: httpx.Client, farm: NoiseFarm
+    ) -> None:
+        scene = SCENE_XML.replace('<default name="width" value="256"/>', "")
+        asked = {"parameters": {"width": 64}}
+        files = {"scene": ("box.xml", scene), "spec": ("spec.json", json.dumps(asked))}
+        old = http.post("/v1/jobs", files=files).json()
+        farm.jobs.cancel(old["id"])
+        answer = http.post(old["links"]["again"], json={"parameters": {"width": None}})
+        assert answer.json()["type"] == "/problems/broken-scene", answer.text
+        assert answer.json()["code"] == "undefined-parameter"
+
+    def test_kept_slices_are_judged_again_under_any_cap_that_is_not_beyond_them(
         self, farm: NoiseFarm, http: httpx.Client
     ) -> None:
         with farm.monitor():
             job = work(farm, farm.submit(**QUICK, seed=1, keep_slices=True))
-            # Judging draws nothing, so that the cap may be any
-            judged = http.post(f"/v1/jobs/{job.id}/rejudge", json={"view": {"exposure_ev": 1}})
-            done = work(farm, farm.jobs.get(judged.json()["id"]))
+            cap = len(farm.jobs.ledger(job.id)) * SLICE
+            view, rule = {"white_luminance": 300}, {"name": "reverse"}
+            body = {"view": view, "rule": rule, "max_spp": cap}
+            judged = http.post(f"/v1/jobs/{job.id}/again", json=body).json()
+            assert judged["again"] == {"of": job.id, "kept_spp": cap, "why": None}
+            done = work(farm, farm.jobs.get(judged["id"]))
         assert rendered(farm, done) == []
-        # Going on from there to another cap is refused; to the one of the samples' own job it goes
-        path = f"/v1/jobs/{done.id}/continue"
-        refused = http.post(path, json={"max_spp": 300})
-        assert f"or go on with job {job.id}, whose samples they are" in refused.json()["detail"]
-        rule = {"name": "fixed", "spp": 200}
-        goes_on = http.post(path, json={"max_spp": 400, "rule": rule})
+        assert done.spec.view.white_luminance == 300
+        # With the cap under which they were drawn, more of them are rendered
+        body = {"max_spp": 400, "rule": {"name": "fixed", "spp": 200}}
+        goes_on = http.post(f"/v1/jobs/{done.id}/again", json=body)
         with farm.monitor():
             assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
 
     def test_a_job_that_nobody_knows(self, http: httpx.Client) -> None:
-        answer = http.post("/v1/jobs/000000000000/continue", json={})
+        answer = http.post("/v1/jobs/000000000000/again", json={})
         assert answer.json()["type"] == "/problems/unknown-job"
-
-    def test_slices_are_judged_again_up_to_where_they_end(
-        self, farm: NoiseFarm, http: httpx.Client
-    ) -> None:
-        with farm.monitor():
-            job = work(farm, farm.submit(**QUICK, keep_slices=True))
-        cap = len(farm.jobs.ledger(job.id)) * SLICE
-        path = f"/v1/jobs/{job.id}/rejudge"
-        refused = http.post(path, json={"max_spp": 50})
-        assert f"where the slices end, at {cap} spp" in refused.json()["detail"]
-        new = http.post(path, json={"view": {"white_luminance": 300}, "rule": {"name": "reverse"}})
-        assert new.json()["spec"]["max_spp"] == cap
-        with farm.monitor():
-            done = work(farm, farm.jobs.get(new.json()["id"]))
-        assert rendered(farm, done) == []
-        assert done.spec.view.white_luminance == 300
 
 
 class TestSamplesSaved:

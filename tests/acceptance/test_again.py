@@ -18,7 +18,7 @@ def test_a_job_goes_on_to_a_stricter_rule_without_losing_a_sample(farm: RealFarm
     stopped = outcome(farm, farm.submit(**EARLY).id)
     assert stopped.job.spp == 120 < undisturbed.job.spp
     # When it goes on by the rule of the other, and its monitor dies on the way
-    job = farm.client.continue_job(stopped.job.id, {"rule": SPEC["rule"]})
+    job = farm.client.again(stopped.job.id, rule=SPEC["rule"])
     until(lambda: farm.client.job(job.id).spp > 160)
     farm.kill(farm.processes[1])
     farm.start("monitor")

@@ -1,4 +1,4 @@
-"""`plateau continue | rejudge | resubmit`: new jobs from old ones, by the command line."""
+"""`plateau again`: new jobs from ended ones, by the command line."""
 
 import json
 import os
@@ -42,38 +42,41 @@ def plateau(*arguments: str) -> tuple[int, str, str]:
 
 def test_an_ended_job_goes_on_under_the_id_that_is_printed(farm: NoiseFarm) -> None:
     job = ended(farm, view={"exposure_ev": 1.0})
-    code, out, _ = plateau("continue", job.id[:8], "--rule", "visible:target=0.01", "--json")
+    code, out, err = plateau("again", job.id[:8], "--rule", "visible:target=0.01", "--json")
     assert code == 0
     new = json.loads(out)
-    assert (new["continues"], new["continued_spp"]) == (job.id, 40)
+    assert new["again"] == {"of": job.id, "kept_spp": 40, "why": None}
+    said = f"keeps 40 spp of job {job.id}"
+    assert f"job {new['id']} {said}" in err
+    assert f"it {said}" in plateau("show", new["id"])[1]
     # What was given is another, and the rest is as it was
     assert new["spec"]["rule"] == {"name": "visible", "target": 0.01, "min_spp": 200}
     assert new["spec"]["view"] == job.spec.view.model_dump(mode="json")
-    code, out, _ = plateau("continue", job.id, "--max-spp", "600", "--spp", "500")
+    code, out, _ = plateau("again", job.id, "--max-spp", "600", "--spp", "500")
     assert farm.jobs.get(out.strip()).spec.max_spp == 600
     assert farm.jobs.get(out.strip()).spec.rule.model_dump() == {"name": "fixed", "spp": 500}
 
 
 def test_kept_slices_are_judged_again(farm: NoiseFarm) -> None:
     job = ended(farm, keep_slices=True)
-    code, out, _ = plateau("rejudge", job.id, "--field-of-view", "20", "--watch", "reverse")
-    assert code == 0
+    cap = str(10 * len(farm.jobs.ledger(job.id)))
+    asked = ("--field-of-view", "20", "--watch", "reverse", "--max-spp", cap)
+    code, out, err = plateau("again", job.id, *asked)
+    assert (code, f"keeps {cap} spp of job {job.id}" in err) == (0, True)
     spec = farm.jobs.get(out.strip()).spec
-    assert spec.max_spp == 10 * len(farm.jobs.ledger(job.id))
     assert spec.view.field_of_view_deg == 20
     assert [rule.name for rule in spec.watch] == ["reverse"]
 
 
-def test_what_cannot_be_says_what_could(farm: NoiseFarm) -> None:
-    job = ended(farm)
-    code, _, error = plateau("rejudge", job.id)
-    assert (code, error.count("\n")) == (1, 1)
-    assert "submit with keep_slices" in error
-    assert "its step cannot change" in plateau("continue", job.id, "--step", "40")[2]
-    assert "it is queued: it goes on by itself" in plateau("continue", farm.submit(**SHORT).id)[2]
+def test_what_cannot_be_is_said(farm: NoiseFarm) -> None:
+    code, _, error = plateau("again", farm.submit(**SHORT).id)
+    assert (code, "only a job that has ended can be deleted or rendered again" in error) == (
+        1,
+        True,
+    )
 
 
-def test_a_scene_is_submitted_again_with_what_was_changed(farm: NoiseFarm) -> None:
+def test_a_scene_is_rendered_anew_with_what_was_changed(farm: NoiseFarm) -> None:
     files = {"scene": ("box.xml", SCENE_XML)}
     asked = {
         **SHORT,
@@ -88,9 +91,11 @@ def test_a_scene_is_submitted_again_with_what_was_changed(farm: NoiseFarm) -> No
     answer = httpx.post(url, files=files, timeout=60)
     assert answer.status_code == 201, answer.text
     old = answer.json()
+    farm.jobs.cancel(old["id"])
     options = ("--max-spp", "600", "-D", "width=32", "--white-luminance", "300")
-    code, out, err = plateau("resubmit", old["id"][:8], *options)
+    code, out, err = plateau("again", old["id"][:8], *options)
     assert (code, "waits for a worker" in err) == (0, True)
+    assert f"renders job {old['id']} anew: none of its samples are left" in err
     new = farm.jobs.get(out.strip())
     assert new.scene_sha256 == old["scene_sha256"]
     # Then what was given is another, the rest is as it was, and the webhook is left out
@@ -101,5 +106,5 @@ def test_a_scene_is_submitted_again_with_what_was_changed(farm: NoiseFarm) -> No
         "view": {**old["spec"]["view"], "white_luminance": 300},
         "webhook": None,
     }
-    code, _, err = plateau("resubmit", old["id"], "--max-spp", "0")
-    assert (code, "--max-spp" in err) == (2, True)
+    code, _, err = plateau("again", old["id"], "--max-spp", "0")
+    assert (code, "spec.max_spp" in err) == (1, True)
