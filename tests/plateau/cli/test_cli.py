@@ -434,7 +434,7 @@ class TestTalkingToAService:
         out_folder = tmp_path / "out"
         exit_code, out, err = plateau("watch", job.id, "-o", str(out_folder))
         assert exit_code == code
-        assert f"state:      {state.in_words}" in out
+        assert f"state:      {Jobs(client).get(job.id).outcome}" in out
         assert "100 spp" in err
         assert (out_folder / "image.png").read_bytes() == b"a picture"
         exit_code, out, _ = plateau("watch", job.id, "--json")

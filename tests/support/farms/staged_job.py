@@ -24,7 +24,9 @@ class StagedJob:
     def __init__(self, client: redis.Redis, job_id: str = "", **spec: object) -> None:
         jobs, self._client = Jobs(client), client
         if not job_id:
-            created = jobs.create(JobSpec(**spec), name="box.xml", scene_sha256="0" * 64)
+            created = jobs.create(
+                JobSpec(**spec), name=str(spec.get("name", "box")), scene_sha256="0" * 64
+            )
             job_id = created.job.id
         self.id = job_id
         self.spec = jobs.get(job_id).spec
