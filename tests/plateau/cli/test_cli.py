@@ -18,6 +18,7 @@ from plateau.cli import app
 from plateau.cli.options import spec_from_options
 from plateau.cli.spec_fields import spec_fields
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.metric import View
