@@ -72,7 +72,7 @@ def main() -> None:
             "Shared libraries are counted in each process.",
         ],
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(report))
+    markdown.fill(markdown.DOCS / "operations.md", tables(report))
 
 
 def _size_of(one: Figure) -> str:
