@@ -49,7 +49,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_options(parser)
     parser.add_argument(
-        "--crops", action="store_true", help="draw crops of these cases for docs/science/eyes.md instead"
+        "--crops",
+        action="store_true",
+        help="draw crops of these cases for docs/science/eyes.md instead",
     )
     asked = parser.parse_args()
     if asked.crops:
