@@ -36,7 +36,7 @@ STEP = 100
 #: Of every job, as by default.
 CAP = 10_000
 _CROP, _SCALE = 64, 4
-_DRAWN = markdown.DOCS / "images" / "eyes-crops.png"
+_DRAWN = markdown.DOCS.parent / "images" / "eyes-crops.png"
 _RULES = ("jod", "visible")
 _STOP, _QUALITY = "{rule} ends", "quality where {rule} ends"
 _NOTES = (
