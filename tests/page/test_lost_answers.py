@@ -115,7 +115,7 @@ def test_a_job_that_renders_another_again_is_made_once(
 
 
 def test_another_change_says_that_nobody_knows(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit("box.zip")
+    job = farm.submit("box")
     visitor = visit(f"/jobs/{job.id}")
     page = visitor.page
     lose_an_answer(page, f"**/v1/jobs/{job.id}")

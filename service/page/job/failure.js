@@ -5,12 +5,15 @@ import { h } from "../shared/dom.js";
 import { clock, sentence, several } from "../shared/figures.js";
 import { complain } from "../shared/notices.js";
 
-/** What to do: where the scene is at fault, where renderers died, and otherwise. */
+/**
+ * What to do: where the scene is at fault, where renderers died, and otherwise.
+ * @type {Record<string, string>}
+ */
 const ADVICE = {
-  failed: "No worker can render the scene as it is. Mend it, and submit it.",
-  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, render it again: those workers are then blocked for the new job.",
-  none: "Change what is named above, and render it again.",
+  scene: "No worker can render the scene as it is. Mend it, and submit it.",
+  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, render it again: those workers are then blocked for the new job.",
 };
+const OTHERWISE = "Change what is named above, and render it again.";
 
 export class Failure {
   #signal;
@@ -38,11 +41,11 @@ export class Failure {
   async #fill(job) {
     /** @type {Api.Log} */
     const { entries } = await get(job.links.log, this.#signal);
-    const fatal = /^slice (\d+) failed/.exec(job.reason);
-    const tries = entries.filter(({ what, slice }) => (fatal ? what === "died" && slice === Number(fatal[1]) : what === "failed"));
+    const ends = job.ended_by === "deaths" ? "died" : "failed";
+    const tries = entries.filter(({ what, slice }) => slice === job.failed_slice && what === ends);
     const workers = new Set(tries.map(({ worker }) => worker)).size;
     this.element.replaceChildren(h("div", {},
-      h("p", {}, ADVICE[fatal ? "died" : tries.length ? "failed" : "none"]),
+      h("p", {}, ADVICE[job.ended_by ?? ""] ?? OTHERWISE),
       tries.length > 0 && h("p", { class: "summary" },
         `Slice ${tries[0].slice} was tried ${several(tries.length, "time")}, by ${several(workers, "worker")}.`),
       ...tries.map(({ at, worker, cause, text }) => h("div", {},

@@ -7,7 +7,7 @@ import { ago, whole } from "../shared/figures.js";
 import { controls, mayControl } from "../shared/job_controls.js";
 import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
-import { AGAIN, ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
+import { AGAIN, ENDED, noiseTarget, timeLeft, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -89,9 +89,9 @@ export function open(main, { id, signal, go }) {
     newest = job;
     screen.hidden = false;
     absent.hidden = true;
-    document.title = `${title(job)}: ${outcome(job)} · Plateau`;
-    setText(name, title(job));
-    setText(state, outcome(job));
+    document.title = `${job.name}: ${job.outcome} · Plateau`;
+    setText(name, job.name);
+    setText(state, job.outcome);
     setAttribute(state, "data-state", job.state);
     copied.show(job.id);
     setText(about, [
@@ -162,7 +162,7 @@ export function open(main, { id, signal, go }) {
  */
 function againLink(job) {
   if (!ENDED.has(job.state) || (!job.finished_at && job.committed_spp) || !maySteer(job)) return null;
-  return h("a", { class: "button", href: `/submit?${AGAIN}=${job.id}` }, "Render again…");
+  return h("a", { class: "button", href: `/submit?${AGAIN}=${job.id}` }, "Again…");
 }
 
 /**

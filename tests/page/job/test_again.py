@@ -49,7 +49,7 @@ def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
 def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm, url: str) -> None:
     first = ended(farm, url, name="kitchen", max_spp=400, rule={"name": "fixed", "spp": 300})
     page = visit(f"/jobs/{first['id']}", expected={404, 422}).page
-    page.get_by_role("link", name="Render again…").click()
+    page.get_by_role("link", name="Again…").click()
     expect(page).to_have_url(re.compile(rf"/submit\?again={first['id']}$"))
     expect(page.get_by_role("heading", name="Render kitchen again")).to_be_visible()
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
@@ -123,7 +123,7 @@ def test_what_is_not_changed_is_as_it_was(
 def test_a_higher_cap_keeps_the_samples(visit: Visit, farm: NoiseFarm, url: str) -> None:
     job = rendered(farm, url)
     page = visit(f"/jobs/{job['id']}", expected={422}).page
-    page.get_by_role("link", name="Render again…").click()
+    page.get_by_role("link", name="Again…").click()
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     page.get_by_label("At most").fill("100")
     page.get_by_role("button", name="Render it").click()
@@ -172,4 +172,4 @@ def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
 def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{farm.submit('box').id}").page
     expect(page.get_by_role("heading", name="box")).to_be_visible()
-    expect(page.get_by_role("link", name="Render again…")).to_have_count(0)
+    expect(page.get_by_role("link", name="Again…")).to_have_count(0)

@@ -48,7 +48,7 @@ def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
     expect(why(page)).to_contain_text("too little memory for the scene")
     expect(why(page)).to_contain_text("Slice 0 was tried 3 times, by 2 workers.")
     expect(why(page).locator("pre")).to_have_text([f"out of memory, try {n}" for n in range(3)])
-    page.get_by_role("link", name="Render again…").click()
+    page.get_by_role("link", name="Again…").click()
     expect(page.locator(".found")).to_contain_text("pixels")
     page.get_by_role("button", name="Render it").click()
     expect(page).to_have_url(A_JOB)
@@ -81,5 +81,5 @@ def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(
 def test_only_a_failed_job_has_such_a_part(visit: Visit, farm: NoiseFarm) -> None:
     job = farm.jobs.cancel(farm.submit("box").id)
     page = visit(f"/jobs/{job.id}", expected={404}).page
-    expect(page.get_by_role("link", name="Render again…")).to_be_visible()
+    expect(page.get_by_role("link", name="Again…")).to_be_visible()
     expect(why(page)).to_be_hidden()
