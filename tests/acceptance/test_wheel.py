@@ -46,8 +46,6 @@ NEEDS = {
     "scale slurm --max 1": "farm",
     "webhooks secret": "farm",
 }
-#: Needs the extra `blender`, of 400 MB, which `make test-blender` installs.
-BLENDER = "plateau.worker.renderers.cycles."
 #: What can be imported with each extra: whole packages, and modules.
 BRINGS = {
     "farm": (
@@ -225,7 +223,7 @@ from pkgutil import walk_packages
 for name in {BRINGS[extra]}:
     found = import_module(f"plateau.{{name}}")
     for module in walk_packages(getattr(found, "__path__", ()), f"{{found.__name__}}."):
-        if not module.name.endswith(".__main__") and {BLENDER!r} not in module.name:
+        if not module.name.endswith(".__main__"):
             import_module(module.name)
 """
     done = run(install(f"[{extra}]") / "python", "-c", program)
