@@ -3,8 +3,9 @@
 The entry points are read once in a process, when the first of them is needed; that takes some
 milliseconds.
 
-An extension is a package that no other module of Plateau names. It has modules of these names, each
-of which is imported when it is needed:
+An extension is a package that no other module of Plateau names, but an entry point of the group
+`plateau.extensions`. It may have modules of these names, each of which is imported when it is
+needed:
 
 ``cli``
     adds commands to `plateau.cli.app.app` when it is imported
@@ -12,20 +13,33 @@ of which is imported when it is needed:
     ``mount(app, client)`` adds routes to the API, which already has its own
 ``ledger``
     ``orphans(client, store)`` returns the blobs that a sweep may remove
+``keys``
+    ``SWEPT`` and ``SERVED``: patterns of its keys in Redis, to which monitors and APIs have rights
+``page``
+    a folder of the web page, whose `extension.js` says what it adds
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
-from types import ModuleType
-from typing import Any, Final
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final
 
-EXTENSIONS: Final = ("plateau.study",)
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from importlib.metadata import EntryPoint
+    from types import ModuleType
+
+#: The entry point group of extensions.
+GROUP: Final = "plateau.extensions"
 
 
 @cache
 def _installed() -> Any:
+    # Imported here: it takes more time than the command line has for its help.
+    from importlib.metadata import entry_points
+
     return entry_points()
 
 
@@ -47,6 +61,8 @@ def offered(group: str) -> Iterator[tuple[EntryPoint, Any]]:
 
 
 def extensions(module: str) -> Iterator[ModuleType]:
-    """Each extension's module of this name."""
-    for name in EXTENSIONS:
-        yield import_module(f"{name}.{module}")
+    """Each extension's module of this name, where it has one."""
+    for _, extension in offered(GROUP):
+        name = f"{extension.__name__}.{module}"
+        if find_spec(name) is not None:
+            yield import_module(name)

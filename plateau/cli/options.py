@@ -307,7 +307,7 @@ def spec_from_options(
     ] = None,
     keep_slices: Annotated[
         bool,
-        typer.Option("--keep-slices", help="Keep every slice, for `judge`, `rejudge` and studies."),
+        typer.Option("--keep-slices", help="Keep every slice, for `judge` and `rejudge`."),
     ] = False,
 ) -> Spec:
     """The spec that the options describe; other fields have the spec's defaults."""

@@ -21,6 +21,7 @@ KINDS = {".py", ".lua", ".js", ".ts", ".css", ".html", ".json", ".yaml", ".toml"
 EXTENSIONS = {
     "plateau/cycles": r"\bbpy\b|[Bb]lender\b|[\"'` ]\.blend\b|scene\.blend|\bCycles\b|"
     r"\bcycles[:/]|[\"'.]cycles\b",
+    "plateau/study": r"(?i)plateau\.study|\bstudies\b|\ba study\b|observer stud|[\"'`/:_]study\b",
 }
 
 

@@ -142,14 +142,15 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
     package = sources / "plateau"
     links = {path for path in package.iterdir() if path.is_symlink()}
     assert {path.resolve().name for path in links} == {
-        *("farm", "metric", "scenes", "service", "study", "worker")
+        *("farm", "metric", "scenes", "service", "worker")
     }
     files = {
         path.relative_to(sources).as_posix()
         for top in (package, *links)
         for path in top.rglob("*")
-        # But the types that check the page's scripts, and the manual, which lies elsewhere.
-        if path.is_file() and not path.name.endswith((".d.ts", ".1"))
+        # But the types that check the page's scripts, the manual, which lies elsewhere, and what is
+        # installed in Blender.
+        if path.is_file() and not path.name.endswith((".d.ts", ".1")) and "addon" not in path.parts
     }
     assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
