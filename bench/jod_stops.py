@@ -36,7 +36,7 @@ STEP = 100
 #: Of every job, as by default.
 CAP = 10_000
 _CROP, _SCALE = 64, 4
-_DRAWN = markdown.DOCS / "images" / "eyes-crops.png"
+_DRAWN = markdown.DOCS.parent / "images" / "eyes-crops.png"
 _RULES = ("jod", "visible")
 _STOP, _QUALITY = "{rule} ends", "quality where {rule} ends"
 _NOTES = (
@@ -49,7 +49,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_options(parser)
     parser.add_argument(
-        "--crops", action="store_true", help="draw crops of these cases for docs/eyes.md instead"
+        "--crops",
+        action="store_true",
+        help="draw crops of these cases for docs/science/eyes.md instead",
     )
     asked = parser.parse_args()
     if asked.crops:

@@ -40,7 +40,7 @@ def main() -> None:
     asked = options.parse(__doc__, step=2 * SLICE_SPP)
     found = run(asked.cases, asked.size, asked.data, workers=asked.workers)
     markdown.fill(markdown.DOCS / "savings.md", tables_of(found))
-    plot_savings(found, markdown.DOCS / "images" / "savings.png")
+    plot_savings(found, markdown.DOCS.parent / "images" / "savings.png")
 
 
 def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Spending]:

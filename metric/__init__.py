@@ -1,7 +1,7 @@
 """Perception: the light of a screen, visible differences, and when to stop rendering.
 
 Names are imported on first use, so that listing the rules does not import numerics.
-The reasons are in docs/decisions/metric.md.
+The reasons are in docs/decisions/stopping.md.
 """
 
 from importlib import import_module

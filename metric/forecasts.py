@@ -118,7 +118,7 @@ def forecast(
     Notes
     -----
     It takes at most five evaluations beyond the estimate, all with one sign of the noise. The band
-    is calibrated on synthetic noise; docs/stopping.md has its coverage.
+    is calibrated on synthetic noise; docs/science/stopping.md has its coverage.
 
     Examples
     --------

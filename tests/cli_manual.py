@@ -79,7 +79,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         "Administer a farm",
         (
             "Keys and Redis users decide who may do what, webhooks tell other services about jobs "
-            "([webhooks.md](webhooks.md)), and `scale` runs workers in a batch system."
+            "([notices.md](notices.md)), and `scale` runs workers in a batch system."
         ),
         (
             *("keys create", "keys list", "keys rotate", "keys revoke"),

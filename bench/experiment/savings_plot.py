@@ -1,4 +1,4 @@
-"""The picture of docs/savings.md: where each rule ends each scene, and the noise left there."""
+"""The picture of docs/science/savings.md: where each rule ends each scene, and its noise there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/savings.md: what each rule spends, and the noise that it leaves."""
+"""The tables of docs/science/savings.md: what each rule spends, and the noise that it leaves."""
 
 from __future__ import annotations
 

@@ -88,9 +88,9 @@ class Spending:
     def left_by(self, stop: Stop, *, evenly: bool = True) -> Left:
         """Return how many pixels were still visibly wrong, without the noise of the reference.
 
-        docs/paper.md says how. If pixels differ in spp, the reference's noise is taken to add as
-        much as to an image whose samples are spread evenly. Late in a series its part is unknown,
-        and the count against the reference is an upper bound.
+        docs/science/paper.md says how. If pixels differ in spp, the reference's noise is taken to
+        add as much as to an image whose samples are spread evenly. Late in a series its part is
+        unknown, and the count against the reference is an upper bound.
         """
         true = truth_at(self.measured, stop.spp)
         if true is None or not stop.seen:

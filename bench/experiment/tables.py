@@ -1,4 +1,4 @@
-"""The Markdown tables of docs/paper.md."""
+"""The Markdown tables of docs/science/paper.md."""
 
 from __future__ import annotations
 

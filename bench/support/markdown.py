@@ -16,7 +16,7 @@ from bench.support.report import OTHERS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-DOCS = ROOT / "docs"
+DOCS = ROOT / "docs" / "science"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

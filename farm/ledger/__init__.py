@@ -1,4 +1,4 @@
 """A farm's records in Redis: jobs, slices, batches, members, keys, messages.
 
-`plateau.farm.redis` has the way to Redis, docs/decisions/queue-and-leases.md the reasons.
+`plateau.farm.redis` has the way to Redis, docs/decisions/queue.md the reasons.
 """

@@ -188,7 +188,7 @@ class Batches:
 def _move(steer: Steer, job_id: str, by: str) -> Command[Moved]:
     if steer is Steer.CANCEL:
         reason = f"cancelled with its batch by {by}"
-        return End(job=job_id, target=JobState.CANCELLED, reason=reason)
+        return End(job=job_id, target=JobState.CANCELLED, ended_by="person", reason=reason)
     if steer is Steer.PAUSE:
         return Pause(job=job_id, reason=f"paused with its batch by {by}", holds_back=True)
     return Resume(job=job_id, reason=f"resumed with its batch by {by}")

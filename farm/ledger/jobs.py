@@ -207,7 +207,9 @@ class Jobs:
             It has already ended otherwise.
         """
         target = JobState.CANCELLED
-        return self._move(target, job_id, End(job=job_id, target=target, reason=reason))
+        return self._move(
+            target, job_id, End(job=job_id, target=target, ended_by="person", reason=reason)
+        )
 
     def pause(self, job_id: str, reason: str = "paused by a user") -> Job:
         """Pause the job: none of its slices is leased any more; pausing it again is harmless.

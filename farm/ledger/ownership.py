@@ -16,7 +16,7 @@ from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.slices.rounds import Round
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import EndedBy, JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Answer
@@ -218,6 +218,7 @@ class Ownerships:
         self,
         owned: Ownership,
         target: JobState,
+        ended_by: EndedBy,
         reason: str,
         verdict: dict[str, float | None] | None = None,
         results: str = "",
@@ -240,6 +241,7 @@ class Ownerships:
                 job=owned.job_id,
                 token=owned.token,
                 target=target,
+                ended_by=ended_by,
                 reason=reason,
                 verdict=None if verdict is None else json.dumps(verdict),
                 results=results,

@@ -15,7 +15,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, moment
 from plateau.farm.model.shot import FrameAnswer, FrameOfShot, FrameWait
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.spec.whole_slices import fitted
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import EndedBy, JobState, outcome
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import Pipeline
@@ -96,7 +96,8 @@ def job(job_id: str, fields: dict[str, str], sealed: dict[str, str]) -> Job:
 
 
 def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
-    spec = _spec(fields)
+    spec, state = _spec(fields), JobState(fields["state"])
+    ended_by: EndedBy | None = fields.get("ended_by")  # type: ignore[assignment]  # pydantic checks
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
     times = {
@@ -114,8 +115,11 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         name=fields["name"],
         owner=sealed.get("owner"),
         owner_name=sealed.get("owner_name"),
-        state=JobState(fields["state"]),
+        state=state,
+        outcome=outcome(state, ended_by),
         reason=fields["reason"],
+        ended_by=ended_by,
+        failed_slice=int(fields["failed_slice"]) if "failed_slice" in fields else None,
         spec=spec,
         scene_sha256=fields["scene_sha256"],
         variant=fields.get("variant"),

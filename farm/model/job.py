@@ -7,14 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.shot import FrameOfShot
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
-
-#: The limits at which a job ends without converging, and how its reason then begins.
-_LIMITS: Final = {
-    "cap": "reached the cap",
-    "time limit": "reached its time limit",
-    "budget": "budget of",
-}
+from plateau.farm.model.states import EndedBy, JobState
 
 
 def moment(milliseconds: str | int | float) -> datetime:
@@ -123,7 +116,14 @@ class Job(_Record):
     )
     owner_name: str | None = Field(None, description="name of that key")
     state: JobState
+    outcome: str = Field(
+        description="its state in words; of an exhausted job, which limit it reached"
+    )
     reason: str = Field(description="why the job is in this state, in words")
+    ended_by: EndedBy | None = Field(None, description="what ended it; null while it is open")
+    failed_slice: int | None = Field(
+        None, description="the slice that could not be rendered, where that failed the job"
+    )
     spec: JobSpec
     scene_sha256: str
     variant: str | None = Field(description="the variant, pinned by the first lease")
@@ -241,15 +241,6 @@ class Job(_Record):
         description="when it was deleted: it is hidden, and can be restored until a sweep removes "
         "it after PLATEAU_KEEP_DELETED_DAYS",
     )
-
-    @property
-    def outcome(self) -> str:
-        """Its state as people read it; it names the limit at which the job ended, if any."""
-        if self.state is JobState.EXHAUSTED:
-            for limit, begins in _LIMITS.items():
-                if begins in self.reason:
-                    return f"reached its {limit}"
-        return self.state.in_words
 
     def duration_s(self, now: datetime) -> float:
         """Seconds from its submission to its end, or until `now`: waits and pauses count."""

@@ -1,7 +1,7 @@
 """The states of a job and of a slice, and the only moves between them."""
 
 from enum import Enum
-from typing import Final
+from typing import Final, Literal
 
 
 class JobState(str, Enum):
@@ -29,6 +29,30 @@ class JobState(str, Enum):
     def clause(self) -> str:
         """The same with its verb, to be put behind a job."""
         return f"has {self.in_words}" if self is JobState.EXHAUSTED else f"is {self.value}"
+
+
+#: What ended a job: its rule; the most samples, time or core hours that it may have; a person;
+#: what it waited for, which ended badly; a scene that cannot be rendered; the deaths of all workers
+#: that tried a slice; an image that is no result, with too many NaNs; or a fault in the farm.
+EndedBy = Literal[
+    "rule",
+    "cap",
+    "time_limit",
+    "budget",
+    "person",
+    "predecessor",
+    "scene",
+    "deaths",
+    "image",
+    "farm",
+]
+
+
+def outcome(state: JobState, ended_by: EndedBy | None) -> str:
+    """The state as people read it; of an exhausted job, which limit it reached."""
+    if state is JobState.EXHAUSTED and ended_by is not None:
+        return f"reached its {ended_by.replace('_', ' ')}"
+    return state.in_words
 
 
 _ENDS: Final = frozenset(

@@ -197,6 +197,7 @@ JOB: Final[dict[str, Any]] = {
     "owner": KEY_ID,
     "owner_name": "nightly",
     "state": "rendering",
+    "outcome": "rendering",
     "reason": "a worker took its first slice",
     "spec": SPEC,
     "scene_sha256": SCENE_SHA256,
@@ -243,7 +244,16 @@ JOB: Final[dict[str, Any]] = {
 WEBHOOK_MESSAGE: Final[dict[str, Any]] = {
     "type": "job.converged",
     "timestamp": _AT,
-    "data": {"sequence": 2, "job": {**JOB, "state": "converged", "ended_at": _AT}},
+    "data": {
+        "sequence": 2,
+        "job": {
+            **JOB,
+            "state": "converged",
+            "outcome": "converged",
+            "ended_by": "rule",
+            "ended_at": _AT,
+        },
+    },
 }
 
 DELIVERY: Final[dict[str, Any]] = {

@@ -1,6 +1,5 @@
 """A job and its curve as text, for progress and summaries."""
 
-import re
 from datetime import datetime
 from typing import Any, Final
 
@@ -157,15 +156,10 @@ def time_left(job: Job, now: datetime) -> str:
     return f"at most {roughly(to_cap * rendering_s / rendered)} left"
 
 
-def title(job: Job) -> str:
-    """What the job is called; one of an older Plateau without the suffix of its scene's file."""
-    return job.spec.name or re.sub(r"\.(zip|xml)$", "", job.name) or job.name
-
-
-def title_with_parameters(job: Job) -> str:
+def name_with_parameters(job: Job) -> str:
     """What the job is called, and the values for its scene's parameters."""
     values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
-    return " ".join((title(job), *values))
+    return " ".join((job.name, *values))
 
 
 def filed(job: Job) -> list[str]:
@@ -213,7 +207,7 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("blocked", ", ".join(job.spec.blocked)))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
-        image = f"{job.width}×{job.height}, {job.variant}, {title_with_parameters(job)}{denoised}"
+        image = f"{job.width}×{job.height}, {job.variant}, {name_with_parameters(job)}{denoised}"
         rows.append(("image", image))
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class Successive(RuleOverEarlierImages):
     """Stops when the newest samples changed nothing visible: D(I_n-step, I_n) ≤ threshold.
 
-    It depends on the step, as the paper shows and `docs/stopping.md` measures: a small step changes
-    nothing visible, however noisy the image is.
+    It depends on the step, as the paper shows and `docs/science/stopping.md` measures: a small step
+    changes nothing visible, however noisy the image is.
 
     Notes
     -----

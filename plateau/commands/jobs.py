@@ -89,7 +89,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(job.model_dump_json(indent=2))
         return
-    print(job_text.row("job", f"{job.id} ({job_text.title(job)})"))
+    print(job_text.row("job", f"{job.id} ({job.name})"))
     if job.owner is not None:
         print(job_text.row("owner", f"{job.owner_name} (key {job.owner})"))
     print(job_text.summary(job, utc_now(), job.waits_for))
@@ -236,7 +236,7 @@ def _row(job: Job) -> tuple[str, ...]:
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.owner_name or "–",
         job.spec.batch or "–",
-        job_text.title_with_parameters(job),
+        job_text.name_with_parameters(job),
     )
 
 

@@ -71,7 +71,7 @@ class _Pictures:
             if found is None:
                 self.missing.append(frame.id)
                 what = "no picture stands" if last is None else "the picture before stands"
-                tell(f"{job_text.title_with_parameters(frame)} has no image: {what} in for it")
+                tell(f"{job_text.name_with_parameters(frame)} has no image: {what} in for it")
             last = last if found is None else found
             if last is not None:
                 self.shown += 1

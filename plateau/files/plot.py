@@ -58,7 +58,7 @@ def import_ahead() -> None:
 def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
     """Write the curve of a job as a PNG file; see `plot_curve`."""
     plot_curve(
-        job_text.title(job),
+        job.name,
         _outcome(job),
         points,
         path,

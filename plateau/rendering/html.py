@@ -57,7 +57,7 @@ def headline(job: Job) -> str:
         job_text.time_left(job, now),
     ]
     line = escape(" · ".join(filter(None, about)))
-    return f"<b>{escape(job_text.title(job))}</b> {line}<br>{escape(job.reason)}"
+    return f"<b>{escape(job.name)}</b> {line}<br>{escape(job.reason)}"
 
 
 def _smaller(png: bytes) -> bytes:

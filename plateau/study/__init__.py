@@ -3,5 +3,5 @@
 The package has the model of a study, its storage, pictures, routes, client calls, commands and
 statistics. Only `plateau.extensions` names it. Its Redis keys and Lua functions are with all others
 in `plateau.farm.redis`, and its problem types in the API's list. The reasons are in
-docs/decisions/study.md.
+docs/decisions/stopping.md.
 """

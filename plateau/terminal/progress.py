@@ -155,7 +155,7 @@ class LiveProgress(Progress):
         now = utc_now()
         times = filter(None, (job_text.time_left(job, now), figures.duration(job.duration_s(now))))
         head.add_row(
-            Text.assemble((job_text.title(job), "bold"), f"  {job.state.value}{variant}{size}"),
+            Text.assemble((job.name, "bold"), f"  {job.state.value}{variant}{size}"),
             " · ".join(times),
         )
         spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp

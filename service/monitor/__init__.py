@@ -3,5 +3,5 @@
 `turns` chooses the next job, `decisions` the next step with it, `job_run` takes the step, and
 `side_by_side` lets jobs share round trips to Redis. The package never imports
 `plateau.service.api`; what both need is in `plateau.service.judging`. The reasons are in
-docs/decisions/merging.md and queue-and-leases.md.
+docs/decisions/merging.md and queue.md.
 """

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import EndedBy, JobState
 from plateau.service.monitor.known import Answer, Known, Ledger
 from plateau.service.monitor.steps import (
     AbandonJob,
@@ -62,7 +62,7 @@ def last_step(state: JobState | None, reason: str) -> EndJob | FinishJob | Aband
     """
     if state is None:
         return AbandonJob()
-    return FinishJob(keeps_sums=False) if state.ended else EndJob(JobState.FAILED, reason)
+    return FinishJob(keeps_sums=False) if state.ended else EndJob(JobState.FAILED, "farm", reason)
 
 
 def _always(_: Known) -> bool:
@@ -96,24 +96,26 @@ def _is_short(known: Known) -> bool:
 
 def _converge(known: Known) -> Step:
     answer = _answer(known)
-    return EndJob(JobState.CONVERGED, _reason(known), answer.numbers, with_image=True)
+    return EndJob(JobState.CONVERGED, "rule", _reason(known), answer.numbers, with_image=True)
 
 
 def _reach_the_cap(known: Known) -> Step:
     reason = f"reached the cap of {known.job.spec.max_spp} spp; {_reason(known)}"
-    return EndJob(JobState.EXHAUSTED, reason, with_image=True)
+    return EndJob(JobState.EXHAUSTED, "cap", reason, with_image=True)
 
 
 def _run_out(known: Known) -> Step:
     limit = known.budget_used or f"its time limit of {known.job.spec.time_limit_s:g} s"
+    ended_by: EndedBy = "budget" if known.budget_used else "time_limit"
     if not known.merged and known.budget_used:
-        return EndJob(JobState.CANCELLED, f"{limit} is used up, before a slice of it was rendered")
+        reason = f"{limit} is used up, before a slice of it was rendered"
+        return EndJob(JobState.CANCELLED, ended_by, reason)
     if not known.merged:  # an exhausted job always has an image
-        return EndJob(JobState.FAILED, f"no slice of it was rendered within {limit}")
+        return EndJob(JobState.FAILED, ended_by, f"no slice of it was rendered within {limit}")
     reason = f"reached {limit} at {known.spp} spp"
     if known.flaw:  # and the flaw is newer than the last point of the curve
-        return EndJob(JobState.FAILED, f"{reason}; {known.flaw}")
-    return EndJob(JobState.EXHAUSTED, reason)
+        return EndJob(JobState.FAILED, "image", f"{reason}; {known.flaw}")
+    return EndJob(JobState.EXHAUSTED, ended_by, reason)
 
 
 OPEN: Final = (
@@ -131,7 +133,7 @@ OPEN: Final = (
     Row(
         "the image cannot be a result",
         lambda known: known.answer is not None and known.answer.flaw is not None,
-        lambda known: EndJob(JobState.FAILED, _answer(known).flaw or "", with_image=True),
+        lambda known: EndJob(JobState.FAILED, "image", _answer(known).flaw or "", with_image=True),
     ),
     Row(
         "it would end, and a look at its shot has to come first",

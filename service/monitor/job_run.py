@@ -231,7 +231,14 @@ class JobRun:
             notes = self._notes()
         try:
             self._owners.end(
-                self.owned, step.state, step.reason, step.numbers, results, sha256, notes
+                self.owned,
+                step.state,
+                step.ended_by,
+                step.reason,
+                step.numbers,
+                results,
+                sha256,
+                notes,
             )
         except IllegalTransition as refused:
             _LOG.info("%s", refused)  # it has just been cancelled, or failed
@@ -306,8 +313,8 @@ def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
                 _LOG.error("Redis has lost the job, so the monitor gives it up")
             case steps.FinishJob(keeps_sums):
                 owners.finish(owned, keeps_sums=keeps_sums)
-            case steps.EndJob(state, reason):
-                owners.end(owned, state, reason)
+            case steps.EndJob(state, ended_by, reason):
+                owners.end(owned, state, ended_by, reason)
                 return False
     except FenceLost as lost:  # as that of a job that was deleted meanwhile
         _LOG.warning("%s", lost)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import EndedBy, JobState
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,7 @@ class EndJob:
     """Move the job to one of its last states, and read it again."""
 
     state: JobState
+    ended_by: EndedBy
     reason: str
     numbers: dict[str, float | None] | None = None  #: of the rule that fired
     #: Whether the merged image is the final one; it is written first, and the job ends and is

@@ -84,16 +84,14 @@ def tables() -> dict[str, str]:
     "document",
     [
         "allocation.md",
-        "animation.md",
         "denoising.md",
-        "durability.md",
+        "soak.md",
         "eyes.md",
         "metric.md",
         "stopping.md",
         "paper.md",
         "savings.md",
         "performance.md",
-        "operations.md",
         "scale.md",
     ],
 )

@@ -1,4 +1,4 @@
-"""What docs/metric.md says in words of the compiled metric's cost is what was found."""
+"""What docs/science/metric.md says in words of the compiled metric's cost is what was found."""
 
 import json
 

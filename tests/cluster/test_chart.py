@@ -134,10 +134,6 @@ def test_a_copy_of_the_chart_has_all_of_it() -> None:
 
 
 class TestValues:
-    def test_are_all_in_the_readme_as_they_are(self) -> None:
-        readme = (chart.CHART / "README.md").read_text()
-        assert readme == chart.with_table(readme)
-
     def test_have_a_schema_that_knows_no_others(self) -> None:
         schema = json.loads((chart.CHART / "values.schema.json").read_text())
         values = yaml.safe_load((chart.CHART / "values.yaml").read_text())

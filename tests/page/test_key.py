@@ -96,7 +96,7 @@ def test_a_viewer_is_offered_what_it_may(
     expect(page.locator(".title .state")).to_have_text("cancelled")
     expect(page.get_by_role("link", name="Submit again…")).to_have_count(0)
     failed = StagedJob(client)
-    failed.end(JobState.FAILED, "slice 0 failed 3 times: SIGKILL")
+    failed.end(JobState.FAILED, "slice 0 failed 3 times: SIGKILL", "deaths")
     page.goto(f"/jobs/{failed.id}")
     expect(page.get_by_role("region", name="Why it failed")).to_be_visible()
     expect(page.get_by_role("button", name="Try again on another worker")).to_have_count(0)

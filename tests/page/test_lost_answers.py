@@ -120,7 +120,7 @@ def test_a_job_that_goes_on_is_made_once(
 
 
 def test_another_change_says_that_nobody_knows(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit("box.zip")
+    job = farm.submit("box")
     visitor = visit(f"/jobs/{job.id}")
     page = visitor.page
     lose_an_answer(page, f"**/v1/jobs/{job.id}")

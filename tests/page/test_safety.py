@@ -131,7 +131,7 @@ def another_site(text: str) -> Iterator[str]:
 def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
     browser: Browser, url: str, farm: NoiseFarm
 ) -> None:
-    job = farm.submit("box.xml")
+    job = farm.submit("box")
     asked = f"{url}/v1/jobs/{job.id}"
     # Given a page of another site, which asks the API in every way that it can
     elsewhere = f"""<!doctype html><title>elsewhere</title>

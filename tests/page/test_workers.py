@@ -33,7 +33,7 @@ MACHINE = {
 def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: redis.Redis) -> None:
     page = visit("/workers").page
     expect(page.get_by_text("There are no workers.")).to_be_visible()
-    job = farm.submit("box.zip")
+    job = farm.submit("box")
     place = {"pool": "night", "tags": ["gpu", "highmem"]}
     busy = {**about("w-1"), **place, "job": job.id, "slice": 3, "samples_per_s": 2.5e6}
     done = {"job": job.id, "slice": 2, "spp": 25, "render_s": 0.61}
@@ -78,7 +78,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(first.locator(".blocks")).to_have_text("Blocked for box.")
     after = farm.submit("comp", after=(job.id,))
     waiting = visit(f"/jobs/{after.id}", expected={404}).page
-    expect(waiting.locator(".reason")).to_have_text(f"It waits for job box.zip ({job.id}).")
+    expect(waiting.locator(".reason")).to_have_text(f"It waits for job box ({job.id}).")
     assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
     # What a job's command has come to is in its story, though its stream has ended
     done = StagedJob(client, then=["movie"])

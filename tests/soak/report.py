@@ -1,4 +1,4 @@
-"""The report of a soak: ``bench/results/soak.json``, and tables in docs/durability.md."""
+"""The report of a soak: ``bench/results/soak.json``, and tables in docs/science/soak.md."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ def write(found: Found) -> None:
             "Growth is the median slope after the first third, times the rest.",
         ],
     )
-    markdown.fill(markdown.DOCS / "durability.md", tables(report))
+    markdown.fill(markdown.DOCS / "soak.md", tables(report))
 
 
 def _counts(of_what: str, counts: Mapping[str, int]) -> list[Figure]:

@@ -1,6 +1,6 @@
 """A farm of real parts that is used and struck for hours: it loses nothing, and nothing grows.
 
-``make soak`` runs it for ``SOAK_MINUTES``, and writes what it found into docs/durability.md.
+``make soak`` runs it for ``SOAK_MINUTES``, and writes what it found into docs/science/soak.md.
 """
 
 import os

@@ -2,5 +2,5 @@
 
 The render child and the probes of renderers use it; it knows neither.
 
-The reasons are in docs/decisions/worker-and-confinement.md.
+The reasons are in docs/decisions/worker.md.
 """

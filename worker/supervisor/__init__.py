@@ -2,5 +2,5 @@
 
 It never imports a renderer; those run in processes of `plateau.worker.child`.
 
-The reasons are in docs/decisions/worker-and-confinement.md.
+The reasons are in docs/decisions/worker.md.
 """

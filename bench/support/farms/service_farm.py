@@ -136,5 +136,7 @@ def _make(jobs: Jobs, owners: Ownerships, number: int) -> None:
     if owned is None:
         raise AssertionError(f"somebody owns the new job {job.id}")
     owners.append_point(owned, 100, POINT)
-    owners.end(owned, JobState.FAILED if rare else JobState.CANCELLED, "as a benchmark wants it")
+    owners.end(
+        owned, JobState.FAILED if rare else JobState.CANCELLED, "person", "as a benchmark wants it"
+    )
     owners.finish(owned, keeps_sums=False)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from plateau.farm.model.states import EndedBy
 from plateau.farm.redis.commands.command import Answer, Command
 
 
@@ -94,6 +95,7 @@ class End(Command[Moved]):
 
     job: str
     target: str  #: the state at its end
+    ended_by: EndedBy
     reason: str
     token: str | None = None  #: its owner's; None where a user ends it
     verdict: str | None = None  #: JSON: the numbers of the rule that fired

@@ -124,7 +124,7 @@ local function shut(gate, id, how)
   local words = string.format('%s, for which it waited, %s', job_in_words(id), BADLY[how])
   for _, waiting in ipairs(take_waiting(gate)) do
     wait_no_more(waiting)
-    Job.end_with(waiting, 'cancelled', words)
+    Job.end_with(waiting, 'cancelled', 'predecessor', words)
   end
 end
 

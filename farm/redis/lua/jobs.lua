@@ -45,8 +45,9 @@ function Job.append_point(id, spp, at, point)
   Outbox.announce(id, 'point', point, at)
 end
 
--- Move a job along the table. Returns true, or false and the state that forbids it.
-function Job.move(id, target, reason)
+-- Move a job along the table. Returns true, or false and the state that forbids it. An end says what ended
+-- the job, and which slice could not be rendered, if one could not.
+function Job.move(id, target, reason, ended_by, failed_slice)
   local state = redis.call('HGET', job_key(id), 'state')
   if not state then return false, 'missing' end
   if not MOVES[state][target] then return false, state end
@@ -57,10 +58,12 @@ function Job.move(id, target, reason)
     redis.call('HSET', job_key(id), 'paused_at', now())
   end
   redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
+  if ended_by then redis.call('HSET', job_key(id), 'ended_by', ended_by) end
+  if failed_slice then redis.call('HSET', job_key(id), 'failed_slice', failed_slice) end
   redis.call('ZREM', in_state_key(state), id)
   redis.call('ZADD', in_state_key(target), redis.call('HGET', job_key(id), 'number'), id)
   changed[id] = true
-  Outbox.announce(id, 'state', {from = state, to = target, reason = reason})
+  Outbox.announce(id, 'state', {from = state, to = target, reason = reason, ended_by = ended_by})
   return true, state
 end
 
@@ -140,8 +143,8 @@ function Job.withdraw(id)
 end
 
 -- Move a job to an end: slices that are not committed are withdrawn, and workers and monitors are told.
-function Job.end_with(id, target, reason)
-  local moved, state = Job.move(id, target, reason)
+function Job.end_with(id, target, ended_by, reason, failed_slice)
+  local moved, state = Job.move(id, target, reason, ended_by, failed_slice)
   if not moved then return false, state end
   count('ended ' .. target)
   if target == 'converged' then note_saved(id) end

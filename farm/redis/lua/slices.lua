@@ -233,5 +233,5 @@ function Slice.poison(id, index, causes)
     if not known[cause] then different[#different + 1] = cause end
     known[cause] = true
   end
-  Job.end_with(id, 'failed', string.format(why, index, #causes, table.concat(different, '; ')))
+  Job.end_with(id, 'failed', 'deaths', string.format(why, index, #causes, table.concat(different, '; ')), index)
 end

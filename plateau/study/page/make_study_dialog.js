@@ -4,7 +4,7 @@ import { get, send } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
 import { h, setText } from "../shared/dom.js";
 import { roughly, several, whole } from "../shared/figures.js";
-import { imagePixels, title, zoneSize } from "../shared/job_summary.js";
+import { imagePixels, zoneSize } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 
 /** Seconds to read and add a pixel of a slice, roughly. */
@@ -33,7 +33,7 @@ async function ask(job, go) {
     h("option", { value: "constant" }, "constant stimuli: how many see a difference"),
     h("option", { value: "limits" }, "first stage: find the interval"));
   const levels = h("input", { id: "study-levels", type: "text", autocomplete: "off", pattern: "[0-9, ]*", "aria-describedby": "study-levels-help" });
-  const name = h("input", { id: "study-name", type: "text", maxlength: 200, value: title(job), required: true, autocomplete: "off" });
+  const name = h("input", { id: "study-name", type: "text", maxlength: 200, value: job.name, required: true, autocomplete: "off" });
   const merging = h("p", { class: "hint", role: "status" });
   const progress = h("progress", { hidden: true, "aria-label": "Merging slices" });
   openForm("Ask people what they see", "Make the study", [
@@ -69,7 +69,7 @@ async function ask(job, go) {
     const fits = other.spec.keep_slices && other.finished_at && other.id !== job.id && other.width === job.width && other.height === job.height;
     if (!fits) continue;
     others.set(other.id, other);
-    reference.append(h("option", { value: other.id }, `${title(other)}, ${whole(other.spp)} spp, seed ${other.spec.seed}`));
+    reference.append(h("option", { value: other.id }, `${other.name}, ${whole(other.spp)} spp, seed ${other.spec.seed}`));
   }
 }
 

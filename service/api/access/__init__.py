@@ -1,4 +1,4 @@
 """Who may make a request: its origin, its key, and the key's rate limit.
 
-The reasons are in docs/decisions/access.md.
+The reasons are in docs/decisions/api.md.
 """

@@ -1,1 +1,1 @@
-"""The delivery of webhooks. The reasons are in docs/decisions/webhooks.md."""
+"""The delivery of webhooks. The reasons are in docs/decisions/api.md."""

@@ -5,7 +5,7 @@ import { h } from "../shared/dom.js";
 import { whole } from "../shared/figures.js";
 import { fieldsOf } from "../shared/form_fields.js";
 import { jobMaker } from "../shared/job_request.js";
-import { ENDED, noiseTarget, title } from "../shared/job_summary.js";
+import { ENDED, noiseTarget } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 import { fieldIn } from "../shared/rules.js";
 import { LIMITS } from "../shared/spec_fields.js";
@@ -40,7 +40,7 @@ function ask(job, go) {
     value: Number(Math.max(asked.min, job.state === "converged" ? target / 2 : target).toPrecision(3)),
   }]);
   const changes = () => ({ ...limits.values(), ...(asked && { rule: stricter.values() }) });
-  openForm(`Continue ${title(job)}`, "Continue",
+  openForm(`Continue ${job.name}`, "Continue",
     [h("p", {}, "A new job takes over its samples; this one stays as it is."), ...limits.elements, ...stricter.elements],
     { send: jobMaker(job.links.continue, changes, go) });
 }

@@ -7,12 +7,15 @@ import { complain } from "../shared/notices.js";
 import { maySteer } from "../shared/permissions.js";
 import { tryAgainButton } from "./again.js";
 
-/** What to do: where the scene is at fault, where renderers died, and otherwise. */
+/**
+ * What to do: where the scene is at fault, where renderers died, and otherwise.
+ * @type {Record<string, string>}
+ */
 const ADVICE = {
-  failed: "No worker can render the scene as it is. Mend it, and submit it again.",
-  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, try again: those workers are then blocked for the new job.",
-  none: "Change what is named above, and submit it again.",
+  scene: "No worker can render the scene as it is. Mend it, and submit it again.",
+  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, try again: those workers are then blocked for the new job.",
 };
+const OTHERWISE = "Change what is named above, and submit it again.";
 
 export class Failure {
   #signal;
@@ -46,12 +49,12 @@ export class Failure {
   async #fill(job, go) {
     /** @type {Api.Log} */
     const { entries } = await get(job.links.log, this.#signal);
-    const fatal = /^slice (\d+) failed/.exec(job.reason);
-    const tries = entries.filter(({ what, slice }) => (fatal ? what === "died" && slice === Number(fatal[1]) : what === "failed"));
+    const ends = job.ended_by === "deaths" ? "died" : "failed";
+    const tries = entries.filter(({ what, slice }) => slice === job.failed_slice && what === ends);
     const workers = new Set(tries.map(({ worker }) => worker)).size;
     this.element.replaceChildren(h("div", {},
-      h("p", {}, ADVICE[fatal ? "died" : tries.length ? "failed" : "none"]),
-      fatal && tryAgainButton(job, go),
+      h("p", {}, ADVICE[job.ended_by ?? ""] ?? OTHERWISE),
+      job.ended_by === "deaths" && tryAgainButton(job, go),
       tries.length > 0 && h("p", { class: "summary" },
         `Slice ${tries[0].slice} was tried ${several(tries.length, "time")}, by ${several(workers, "worker")}.`),
       ...tries.map(({ at, worker, cause, text }) => h("div", {},

@@ -8,7 +8,7 @@ import { ago, whole } from "../shared/figures.js";
 import { controls, mayControl } from "../shared/job_controls.js";
 import { file, filedSince, filingButtons, filings } from "../shared/job_filing.js";
 import { JobId } from "../shared/job_id.js";
-import { ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
+import { ENDED, noiseTarget, timeLeft, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -93,9 +93,9 @@ export function open(main, { id, signal, go }) {
     newest = job;
     screen.hidden = false;
     absent.hidden = true;
-    document.title = `${title(job)}: ${outcome(job)} · Plateau`;
-    setText(name, title(job));
-    setText(state, outcome(job));
+    document.title = `${job.name}: ${job.outcome} · Plateau`;
+    setText(name, job.name);
+    setText(state, job.outcome);
     setAttribute(state, "data-state", job.state);
     copied.show(job.id);
     setText(about, [

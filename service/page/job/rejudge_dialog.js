@@ -5,7 +5,7 @@ import { h, setText } from "../shared/dom.js";
 import { whole } from "../shared/figures.js";
 import { blame, fieldsOf } from "../shared/form_fields.js";
 import { jobMaker } from "../shared/job_request.js";
-import { ENDED, title } from "../shared/job_summary.js";
+import { ENDED } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 import { RULES, watchable } from "../shared/rules.js";
 import { LIMITS, VIEW } from "../shared/spec_fields.js";
@@ -64,7 +64,7 @@ function ask(job, go) {
   }
 
   turn();
-  const dialog = openForm(`Judge ${title(job)} again`, "Judge it", [
+  const dialog = openForm(`Judge ${job.name} again`, "Judge it", [
     h("p", {}, `A new job judges the slices that this one kept, up to ${whole(job.committed_spp)} spp, and shows where it would have stopped. Nothing is rendered; this job stays as it is.`),
     h("div", { class: "field" }, h("label", { for: choice.id }, "The rule that ends it"), choice, help), ofRule,
     h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it"), watched.map(({ label }) => label)),

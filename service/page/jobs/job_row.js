@@ -5,7 +5,7 @@ import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
 import { filedSince } from "../shared/job_filing.js";
 import { JobId } from "../shared/job_id.js";
-import { asked, ENDED, outcome, savings, timeLeft, title, took } from "../shared/job_summary.js";
+import { asked, ENDED, savings, timeLeft, took } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 import { Picture } from "../shared/picture.js";
 import { jobMenu } from "./menus.js";
@@ -103,7 +103,7 @@ export class JobRow {
     setAttribute(this.#pick, "aria-label", `Select ${name}`);
     setAttribute(this.#pick, "hidden", maySteer(job) ? null : "");
     this.#pick.checked = this.#selection.has(job.id);
-    setText(this.#state, outcome(job));
+    setText(this.#state, job.outcome);
     setAttribute(this.#state, "data-state", state);
     setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");
     this.#id.show(job.id);
@@ -160,7 +160,7 @@ export class JobRow {
  * @param {ListedJob} job
  */
 export function nameOf(job) {
-  return [title(job), job.told].filter(Boolean).join(", ");
+  return [job.name, job.told].filter(Boolean).join(", ");
 }
 
 /** @param {ListedJob} job */

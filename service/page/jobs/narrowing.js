@@ -1,6 +1,6 @@
 // The orders of the list.
 
-import { durationSeconds, title } from "../shared/job_summary.js";
+import { durationSeconds } from "../shared/job_summary.js";
 
 /** @typedef {(a: Api.JobView, b: Api.JobView) => number} Order */
 
@@ -10,7 +10,7 @@ import { durationSeconds, title } from "../shared/job_summary.js";
  */
 export const ORDERS = new Map([
   ["oldest", { words: "oldest first", order: (a, b) => Date.parse(a.created_at) - Date.parse(b.created_at) }],
-  ["name", { words: "by name", order: (a, b) => title(a).localeCompare(title(b), undefined, { numeric: true }) }],
+  ["name", { words: "by name", order: (a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }) }],
   ["priority", { words: "highest priority first", order: falling((job) => job.spec.priority) }],
   ["noise", { words: "most noise left first", order: falling((job) => job.estimate_fraction ?? -1) }],
   ["spp", { words: "most spp first", order: falling((job) => job.spp) }],

@@ -2,7 +2,6 @@
 
 import { send } from "./api.js";
 import { confirmed } from "./dialogs.js";
-import { title } from "./job_summary.js";
 import { attempt } from "./notices.js";
 
 /**
@@ -12,9 +11,9 @@ import { attempt } from "./notices.js";
  * @param {() => unknown} refresh
  */
 export async function block(job, worker, refresh) {
-  if (await confirmed(`Block ${worker} for ${title(job)}?`,
+  if (await confirmed(`Block ${worker} for ${job.name}?`,
     "It finishes the slice that it has and renders no other of this job. Other workers do, and it serves other jobs.", "Block it", "Let it render")) {
-    await attempt(() => send("PUT", pathOf(job, worker)), `${worker} is blocked for ${title(job)}`, refresh);
+    await attempt(() => send("PUT", pathOf(job, worker)), `${worker} is blocked for ${job.name}`, refresh);
   }
 }
 
@@ -24,7 +23,7 @@ export async function block(job, worker, refresh) {
  * @param {() => unknown} refresh
  */
 export function unblock(job, worker, refresh) {
-  return attempt(() => send("DELETE", pathOf(job, worker)), `${worker} may render ${title(job)} again`, refresh);
+  return attempt(() => send("DELETE", pathOf(job, worker)), `${worker} may render ${job.name} again`, refresh);
 }
 
 /**

@@ -4,7 +4,7 @@ import { send } from "./api.js";
 import { confirmed } from "./dialogs.js";
 import { h } from "./dom.js";
 import { whole } from "./figures.js";
-import { ENDED, title } from "./job_summary.js";
+import { ENDED } from "./job_summary.js";
 import { attempt } from "./notices.js";
 import { maySteer } from "./permissions.js";
 
@@ -39,7 +39,7 @@ export function controls(jobNow, refresh) {
   if (!mayControl(job)) return [];
   const move = (/** @type {string} */ path, /** @type {string} */ done) => () =>
     attempt(() => send("POST", path), done, refresh);
-  const name = title(job);
+  const name = job.name;
   /** @type {HTMLElement[]} */
   const found = [];
   if (job.state === "rendering") {

@@ -3,7 +3,7 @@
 import { send } from "./api.js";
 import { h } from "./dom.js";
 import { ago, several } from "./figures.js";
-import { ENDED, title } from "./job_summary.js";
+import { ENDED } from "./job_summary.js";
 import { complain, messageOf, offerUndo, say } from "./notices.js";
 import { maySteer } from "./permissions.js";
 
@@ -77,7 +77,7 @@ export async function each(jobs, request) {
   const done = new Set();
   /** @type {string[]} */
   const refused = [];
-  await fewAtOnce(jobs, (job) => request(job).then(() => done.add(job), (error) => refused.push(`${title(job)}: ${messageOf(error)}`)));
+  await fewAtOnce(jobs, (job) => request(job).then(() => done.add(job), (error) => refused.push(`${job.name}: ${messageOf(error)}`)));
   complain(refused.length ? `Refused for ${refused.length} of ${several(jobs.length, "job")}. ${refused[0]}` : "", true);
   return jobs.filter((job) => done.has(job));
 }
@@ -130,5 +130,5 @@ function before(job) {
  * @param {string} done
  */
 function said(jobs, done) {
-  return jobs.length === 1 ? `${title(jobs[0])} is ${done}` : `${several(jobs.length, "job")} are ${done}`;
+  return jobs.length === 1 ? `${jobs[0].name} is ${done}` : `${several(jobs.length, "job")} are ${done}`;
 }

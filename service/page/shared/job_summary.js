@@ -1,4 +1,4 @@
-// Values derived from a job's JSON: its title, rules, duration and savings.
+// Values derived from a job's JSON: its rules, duration and savings.
 
 import { duration, roughly } from "./figures.js";
 import { ruleNamed, valueIn } from "./rules.js";
@@ -15,24 +15,6 @@ export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
  */
 export function inWords(state, count = 1) {
   return state === "exhausted" ? `reached ${count === 1 ? "its" : "their"} limit` : state;
-}
-
-/**
- * A job's state in words, with the limit at which it ended, if any.
- * @param {Api.JobView} job
- */
-export function outcome({ state, reason }) {
-  if (state !== "exhausted") return inWords(state);
-  const limit = ["reached the cap", "reached its time limit", "budget of"].findIndex((begins) => reason.includes(begins));
-  return limit < 0 ? inWords(state) : `reached its ${["cap", "time limit", "budget"][limit]}`;
-}
-
-/**
- * What a job is called; one of an older Plateau without the suffix of its scene's file.
- * @param {Api.JobView} job
- */
-export function title(job) {
-  return job.spec.name || job.name.replace(/\.(zip|xml)$/i, "") || job.name;
 }
 
 /**

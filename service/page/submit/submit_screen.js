@@ -6,7 +6,7 @@ import { bytes, sentence, several, share } from "../shared/figures.js";
 import { blame, Field, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
-import { AGAIN, title } from "../shared/job_summary.js";
+import { AGAIN } from "../shared/job_summary.js";
 import { maySubmit, metMe } from "../shared/permissions.js";
 import { meetRules } from "../shared/rules.js";
 import { offer } from "../shared/spec_fields.js";
@@ -108,7 +108,7 @@ class Submission {
       ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, again ? `Submit ${title(again)} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
+      h("h1", {}, again ? `Submit ${again.name} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored(scenes);
     if (again) this.#fill(again);
   }

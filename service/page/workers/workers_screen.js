@@ -5,7 +5,6 @@ import { block } from "../shared/blocked_workers.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
-import { title } from "../shared/job_summary.js";
 import { attempt } from "../shared/notices.js";
 import { maySteer, maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -138,7 +137,7 @@ class WorkerRow {
     this.#blocks.hidden = !offered && !blocked.length;
     this.#blocks.replaceChildren(
       ...blocked.flatMap((one) => ["Blocked for ", h("a", { href: `/jobs/${one}` }, nameOf(worker, one)), ". "]),
-      offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${title(offered)}`) : "");
+      offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${offered.name}`) : "");
   }
 
   /** @param {NamedWorker} worker */
@@ -168,7 +167,7 @@ class WorkerRow {
  */
 function nameOf({ jobOf }, id) {
   const job = jobOf(id);
-  return job ? title(job) : id;
+  return job ? job.name : id;
 }
 
 /**

@@ -48,7 +48,7 @@ class Farm:
             owned = self.owners.acquire(job.id)
             assert owned is not None
             self.leased(job)
-            self.owners.end(owned, state, "so it is")
+            self.owners.end(owned, state, "farm", "so it is")
             self.owners.disown([owned])
         if finishes:
             self.finishes(job)

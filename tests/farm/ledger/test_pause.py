@@ -266,7 +266,7 @@ def test_a_paused_job_keeps_the_priority_that_it_gets(farm: Farm) -> None:
 
 def test_the_priority_of_an_ended_job_stays(farm: Farm) -> None:
     job, owned = farm.job()
-    farm.owners.end(owned, JobState.FAILED, "no such plugin")
+    farm.owners.end(owned, JobState.FAILED, "farm", "no such plugin")
     with pytest.raises(JobEnded, match=r"(?s)is failed.*no such plugin"):
         farm.jobs.set_priority(job.id, 5)
     assert farm.client.zscore(keys.OPEN, job.id) is None

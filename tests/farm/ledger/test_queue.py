@@ -216,6 +216,15 @@ def test_the_third_death_on_a_slice_poisons_the_job(farm: Farm) -> None:
         "worker b was lost; SIGABRT"
     )
     assert failed.machine_s == 2.0
+    assert (failed.ended_by, failed.failed_slice) == ("deaths", 0)
+
+
+def test_a_scene_at_fault_fails_the_job_at_once(farm: Farm) -> None:
+    job, _ = farm.job(slices=2)
+    lease(farm.worker("a"))
+    farm.worker("b").fail(lease(farm.worker("b")), "slice 7 failed 3 times: no such plugin")
+    failed = farm.jobs.get(job.id)
+    assert (failed.ended_by, failed.failed_slice) == ("scene", 1)
 
 
 def test_three_silent_deaths_poison_the_job_too(farm: Farm) -> None:
@@ -332,7 +341,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
         lambda: farm.owners.append_point(old, 100, {"spp": 100}),
         lambda: farm.owners.show_results(old, "x", 25),
         lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
-        lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
+        lambda: farm.owners.end(old, JobState.CONVERGED, "rule", "x"),
         lambda: farm.owners.finish(old, keeps_sums=False),
         lambda: farm.owners.abandon(old),
     ):

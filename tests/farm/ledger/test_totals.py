@@ -253,7 +253,7 @@ class TestJobs:
         for _ in range(3):
             farm.commit(farm.lease())
         farm.owners.append_point(owned, 50, {})
-        farm.owners.end(owned, end, "the end")
+        farm.owners.end(owned, end, "rule", "the end")
         saved = (1000 - 50) * PIXELS if end is JobState.CONVERGED else 0
         assert farm.jobs.census().samples_saved == saved
         assert farm.client.hget(keys.job(job.id), "state") == end

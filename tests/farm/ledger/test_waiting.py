@@ -111,7 +111,9 @@ class History:
         elif way in {3, 4}:
             scripts.run(Reprioritise(job=owned.job_id, priority=b // 6 % 3 - 1))
         else:
-            scripts.run(End(job=owned.job_id, target="cancelled", reason="cancelled"))
+            scripts.run(
+                End(job=owned.job_id, target="cancelled", ended_by="person", reason="cancelled")
+            )
 
     def block(self, a: int, b: int) -> None:
         """Block a worker for a job, or let it render the job again."""

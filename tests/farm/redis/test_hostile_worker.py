@@ -103,7 +103,7 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
     for blob in ("one", "two"):
         lease = leased(queue)
         assert commit(queue, lease, blob) is Committed.COMMITTED
-    owners.end(job, JobState.CONVERGED, "levelled off", None, "")
+    owners.end(job, JobState.CONVERGED, "rule", "levelled off", None, "")
     owners.finish(job, keeps_sums=False)
     worker.hset(keys.job(job.job_id), "planned", number)
     fields = {"name": "box", "spec": "{}", "scene_sha256": "00", "slice_spp": 50, "committed": 0}

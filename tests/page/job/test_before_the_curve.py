@@ -19,7 +19,7 @@ SPEC = {"step": 100, "slice_spp": 25, "max_spp": 1000}
 @pytest.fixture
 def job(farm: NoiseFarm) -> Iterator[Job]:
     with farm.monitor():
-        yield farm.submit("box.zip", **SPEC)
+        yield farm.submit("box", **SPEC)
 
 
 def shows(farm: NoiseFarm, job: Job, spp: int) -> None:

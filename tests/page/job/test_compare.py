@@ -19,7 +19,7 @@ from tests.support.until import until
 
 
 def finished(farm: NoiseFarm, **spec: object) -> Job:
-    job = farm.submit("box.zip", **{**SPEC, **spec})
+    job = farm.submit("box", **{**SPEC, **spec})
     with farm.monitor():
         farm.render(8)
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)

@@ -82,7 +82,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
     server = EmbeddedRedis(folder / "redis")
     client = connect(server.url)
     farm = NoiseFarm(client, server.url, folder)
-    job = farm.submit("box.zip", **SPEC)
+    job = farm.submit("box", **SPEC)
     with farm.monitor():
         farm.render(1)
         until(lambda: 25 in kept(farm.store, job.id), 60)
@@ -117,7 +117,7 @@ def shown(looker: Visitor, finished: Finished) -> Page:
 
 
 def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit("box.zip", **SPEC)
+    job = farm.submit("box", **SPEC)
     visitor = visit(f"/jobs/{job.id}", expected={404})  # an image comes a moment after its point
     page = visitor.page
     expect(page.get_by_role("heading", name="box", exact=True)).to_be_visible()
@@ -150,7 +150,7 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
 
 
 def test_an_ended_job_is_gone_on_with(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit("box.zip", step=25, max_spp=50, rule={"name": "visible", "target": 0.001})
+    job = farm.submit("box", step=25, max_spp=50, rule={"name": "visible", "target": 0.001})
     with farm.monitor():
         farm.render(2)
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
@@ -342,7 +342,7 @@ def test_its_files_can_be_saved(
 
 def test_a_job_of_broken_pixels_shows_where_they_are(visit: Visit, farm: NoiseFarm) -> None:
     # Given a scene with a mistake that makes a corner of its image NaN
-    job = farm.submit("box.zip", **SPEC)
+    job = farm.submit("box", **SPEC)
     with farm.monitor():
         lease = farm.next_lease()
         film = noise_film(lease.index, 25, 1.0)

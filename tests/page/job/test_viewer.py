@@ -45,9 +45,9 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
     client = connect(server.url)
     farm = NoiseFarm(client, server.url, folder, alpha=True)
     with farm.monitor():
-        one = farm.finish(farm.submit("dusk.zip", **SPEC, aovs=["normal", "depth", "shape_id"]))
+        one = farm.finish(farm.submit("dusk", **SPEC, aovs=["normal", "depth", "shape_id"]))
         farm.alpha = False
-        other = farm.finish(farm.submit("dawn.zip", **SPEC, seed=7))
+        other = farm.finish(farm.submit("dawn", **SPEC, seed=7))
     with live_api(server.url, farm.store) as url:
         yield Two(farm, one, other, url)
     client.close()

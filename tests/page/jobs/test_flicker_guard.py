@@ -26,7 +26,7 @@ def opened(page: Page) -> Locator:
 
 def test_an_even_batch_is_guarded(visit: Visit, farm: NoiseFarm) -> None:
     for frame in (0, 1):
-        farm.submit("walk.zip", batch="walk", parameters={"frame": frame}, **STOPS)
+        farm.submit("walk", batch="walk", parameters={"frame": frame}, **STOPS)
     page = visit().page
     dialog = opened(page)
     expect(dialog).to_contain_text("This batch is not guarded")
@@ -46,7 +46,7 @@ def test_an_uneven_batch_says_who_differs_in_what(
     visit: Visit, farm: NoiseFarm, scheme: str
 ) -> None:
     made = [
-        farm.submit("walk.zip", batch="walk", parameters={"frame": frame}, **{**STOPS, **other})
+        farm.submit("walk", batch="walk", parameters={"frame": frame}, **{**STOPS, **other})
         for frame, other in enumerate(
             ({}, {}, {"rule": {"name": "visible", "target": 0.01}}, {"max_spp": 100})
         )
@@ -69,17 +69,17 @@ def test_an_uneven_batch_says_who_differs_in_what(
 
 
 def test_what_changed_meanwhile_is_said(visit: Visit, farm: NoiseFarm) -> None:
-    farm.submit("walk.zip", batch="walk", **STOPS)
+    farm.submit("walk", batch="walk", **STOPS)
     page = visit(expected={409}).page
     dialog = opened(page)
     expect(dialog.get_by_role("button", name="Guard it")).to_be_visible()
-    farm.submit("walk.zip", batch="walk", **{**STOPS, "step": 50})
+    farm.submit("walk", batch="walk", **{**STOPS, "step": 50})
     dialog.get_by_role("button", name="Guard it").click()
     expect(dialog.get_by_role("alert")).to_contain_text("its jobs do not stop alike")
 
 
 def test_what_converged_is_summed_up(visit: Visit, farm: NoiseFarm, client: redis.Redis) -> None:
-    jobs = [farm.submit("walk.zip", batch="walk", parameters={"n": n}) for n in (1, 2)]
+    jobs = [farm.submit("walk", batch="walk", parameters={"n": n}) for n in (1, 2)]
     for job, spp in zip(jobs, (200, 400), strict=True):
         staged = StagedJob(client, job.id)
         staged.commit(spp // 25)

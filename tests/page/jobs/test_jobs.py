@@ -32,7 +32,7 @@ def test_an_empty_farm_says_what_to_do(page: Page) -> None:
 def test_a_job_is_followed_from_its_queue_to_its_end(visit: Visit, farm: NoiseFarm) -> None:
     visitor = visit(expected={404})  # its first picture comes a moment after its first point
     page = visitor.page
-    job = farm.submit("box.zip", **QUICK)
+    job = farm.submit("box", **QUICK)
     # A new job comes by itself, and its row stays the same element while it changes
     shown = row(page, job.id)
     expect(shown).to_contain_text("queued")
@@ -121,7 +121,7 @@ def test_filters_are_part_of_the_address(page: Page, farm: NoiseFarm) -> None:
 
 def test_the_jobs_of_a_batch_are_together(page: Page, farm: NoiseFarm) -> None:
     for intensity in (10, 40):
-        farm.submit("lamp.xml", batch="exposures", parameters={"intensity": intensity, "n": 1})
+        farm.submit("lamp", batch="exposures", parameters={"intensity": intensity, "n": 1})
     alone = farm.submit("alone")
     page.reload()
     batch = page.locator('[data-batch="exposures"]')

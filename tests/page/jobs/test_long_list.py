@@ -123,7 +123,7 @@ def test_rows_far_down_are_not_forgotten(
     # One that renders no more says so with the next look
     ended = rendering[0]
     ended.end(JobState.EXHAUSTED)
-    expect(row(page, ended.id)).to_contain_text("reached its limit")
+    expect(row(page, ended.id)).to_contain_text("reached its cap")
     # One that waits, and is cancelled, when its page has its turn
     farm.jobs.cancel(queued[0])
     expect(row(page, queued[0])).to_contain_text("cancelled")

@@ -18,6 +18,7 @@ from plateau.cli import app
 from plateau.cli.options import spec_from_options
 from plateau.cli.spec_fields import spec_fields
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.metric import View
@@ -434,7 +435,7 @@ class TestTalkingToAService:
         out_folder = tmp_path / "out"
         exit_code, out, err = plateau("watch", job.id, "-o", str(out_folder))
         assert exit_code == code
-        assert f"state:      {state.in_words}" in out
+        assert f"state:      {Jobs(client).get(job.id).outcome}" in out
         assert "100 spp" in err
         assert (out_folder / "image.png").read_bytes() == b"a picture"
         exit_code, out, _ = plateau("watch", job.id, "--json")

@@ -28,6 +28,7 @@ def made_job(**fields: Any) -> Job:
         "id": "0" * 12,
         "name": "box",
         "state": JobState.RENDERING,
+        "outcome": "rendering",
         "reason": "rendering",
         "spec": spec,
         "scene_sha256": "0" * 64,
@@ -392,7 +393,7 @@ class DecidingMonitor:
         if step.state is JobState.EXHAUSTED:
             assert spp > 0
             assert answer.flaw is None
-            assert spp == job.spec.max_spp or "time limit" in step.reason
+            assert spp == job.spec.max_spp or step.ended_by == "time_limit"
         self.write()
         if job.move(step.state, step.reason) and step.with_image:
             job.image_spp, job.concluded = spp, True

@@ -96,7 +96,7 @@ print("first", flush=True); print("made a movie", file=sys.stderr)
     ours = {name: text for name, text in facts["env"].items() if name.startswith("PLATEAU_")}
     assert ours == {
         "PLATEAU_JOB_ID": job.id,
-        "PLATEAU_JOB_NAME": "box.xml",
+        "PLATEAU_JOB_NAME": "box",
         "PLATEAU_JOB_STATE": "converged",
         "PLATEAU_JOB_REASON": "levelled off",
         "PLATEAU_JOB_SPP": "100",

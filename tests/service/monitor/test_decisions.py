@@ -91,19 +91,21 @@ CASES: list[tuple[Known, steps.Step]] = [
     (POINT, steps.RecordPoint()),
     (
         replace(RECORDED, answer=BROKEN),
-        steps.EndJob(JobState.FAILED, "3 pixels are NaN", None, True),
+        steps.EndJob(JobState.FAILED, "image", "3 pixels are NaN", None, True),
     ),
     (
         replace(RECORDED, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "levelled off", {"slope": 0.0}, True),
+        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
     ),
     (
         replace(AT_THE_CAP, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "levelled off", {"slope": 0.0}, True),
+        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
     ),
     (
         AT_THE_CAP,
-        steps.EndJob(JobState.EXHAUSTED, "reached the cap of 100 spp; too noisy", None, True),
+        steps.EndJob(
+            JobState.EXHAUSTED, "cap", "reached the cap of 100 spp; too noisy", None, True
+        ),
     ),
     # A frame waits for a look at its shot before it ends, by its rule or at its cap
     (replace(RECORDED, answer=STOP, job=frame()), steps.HoldFrame()),
@@ -116,7 +118,9 @@ CASES: list[tuple[Known, steps.Step]] = [
     ),
     (
         replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)),
-        steps.EndJob(JobState.CONVERGED, "levelled off; the shot is good", {"slope": 0.0}, True),
+        steps.EndJob(
+            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
+        ),
     ),
     # Its sums were lost after that, and it does not end with fewer
     (
@@ -131,6 +135,7 @@ CASES: list[tuple[Known, steps.Step]] = [
         ),
         steps.EndJob(
             JobState.EXHAUSTED,
+            "cap",
             "reached the cap of 100 spp; levelled off; the shot is good",
             None,
             True,
@@ -141,7 +146,9 @@ CASES: list[tuple[Known, steps.Step]] = [
     (replace(RESTORED, is_being_denoised=True), steps.Wait()),
     (
         replace(RESTORED, denoised=RECORDED.merged),
-        steps.EndJob(JobState.CONVERGED, "levelled off; the shot is good", {"slope": 0.0}, True),
+        steps.EndJob(
+            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
+        ),
     ),
     # The job that this one continues had been stopped there already
     (
@@ -185,16 +192,22 @@ CASES: list[tuple[Known, steps.Step]] = [
     (limited(redis_s=10.0), steps.Wait()),
     (
         limited(redis_s=10.1),
-        steps.EndJob(JobState.FAILED, "no slice of it was rendered within its time limit of 10 s"),
+        steps.EndJob(
+            JobState.FAILED,
+            "time_limit",
+            "no slice of it was rendered within its time limit of 10 s",
+        ),
     ),
     (limited(redis_s=10.1, merged=3), steps.InspectImage()),
     (
         limited(redis_s=10.1, merged=3, flaw=""),
-        steps.EndJob(JobState.EXHAUSTED, "reached its time limit of 10 s at 75 spp"),
+        steps.EndJob(JobState.EXHAUSTED, "time_limit", "reached its time limit of 10 s at 75 spp"),
     ),
     (
         limited(redis_s=10.1, merged=3, flaw="2 are NaN"),
-        steps.EndJob(JobState.FAILED, "reached its time limit of 10 s at 75 spp; 2 are NaN"),
+        steps.EndJob(
+            JobState.FAILED, "image", "reached its time limit of 10 s at 75 spp; 2 are NaN"
+        ),
     ),
     (replace(limited(), job=made_job(spec={"time_limit_s": 10}, started_at=None)), steps.Wait()),
     (budgeted(), steps.ReadClock()),
@@ -204,12 +217,13 @@ CASES: list[tuple[Known, steps.Step]] = [
         budgeted(redis_s=5.0, budget_used="its budget of 3 core hours"),
         steps.EndJob(
             JobState.CANCELLED,
+            "budget",
             "its budget of 3 core hours is used up, before a slice of it was rendered",
         ),
     ),
     (
         budgeted(redis_s=5.0, budget_used="its budget of 3 core hours", merged=3, flaw=""),
-        steps.EndJob(JobState.EXHAUSTED, "reached its budget of 3 core hours at 75 spp"),
+        steps.EndJob(JobState.EXHAUSTED, "budget", "reached its budget of 3 core hours at 75 spp"),
     ),
     (
         replace(
@@ -307,7 +321,7 @@ def test_a_job_that_cannot_go_on_ends_once(state: JobState | None) -> None:
     elif state.ended:
         assert step == steps.FinishJob(keeps_sums=False)
     else:
-        assert step == steps.EndJob(JobState.FAILED, "the merge cannot go on")
+        assert step == steps.EndJob(JobState.FAILED, "farm", "the merge cannot go on")
 
 
 def test_what_was_seen_of_an_image_does_not_hold_of_the_next() -> None:

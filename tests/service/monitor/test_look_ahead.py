@@ -26,6 +26,7 @@ def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:
     return Job.model_validate(
         {
             "id": "0" * 12,
+            "outcome": "",
             "state": JobState.RENDERING,
             "spec": JobSpec.model_validate({"rule": {"name": rule}, "max_spp": 2000}),
             "name": "box",

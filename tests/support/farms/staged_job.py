@@ -10,7 +10,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import EndedBy, JobState
 
 WIDTH, HEIGHT = 32, 24
 WORKER = "worker-1"
@@ -24,7 +24,9 @@ class StagedJob:
     def __init__(self, client: redis.Redis, job_id: str = "", **spec: object) -> None:
         jobs, self._client = Jobs(client), client
         if not job_id:
-            created = jobs.create(JobSpec(**spec), name="box.xml", scene_sha256="0" * 64)
+            created = jobs.create(
+                JobSpec(**spec), name=str(spec.get("name", "box")), scene_sha256="0" * 64
+            )
             job_id = created.job.id
         self.id = job_id
         self.spec = jobs.get(job_id).spec
@@ -98,9 +100,16 @@ class StagedJob:
         }
         self._owners.append_point(self._owned, spp, point)
 
-    def end(self, state: JobState = JobState.CONVERGED, reason: str = "levelled off") -> None:
-        """End the job."""
-        self._owners.end(self._owned, state, reason, {"slope": 0.01})
+    def end(
+        self,
+        state: JobState = JobState.CONVERGED,
+        reason: str = "levelled off",
+        ended_by: EndedBy | None = None,
+    ) -> None:
+        """End the job, by what most often ends one so."""
+        usual: dict[JobState, EndedBy] = {JobState.CONVERGED: "rule", JobState.EXHAUSTED: "cap"}
+        by = ended_by or usual.get(state, "farm")
+        self._owners.end(self._owned, state, by, reason, {"slope": 0.01})
 
     def finish(self, spp: int = 100) -> None:
         """Say that its results are written."""

@@ -43,7 +43,7 @@ def ended_job(
         film = noise_film(film_from + lease.index, slice_spp, farm.sigma)
         farm.commit(lease, film)
         merge.add(film)
-    owners.end(owned, JobState.CONVERGED, "levelled off", {})
+    owners.end(owned, JobState.CONVERGED, "rule", "levelled off", {})
     results, sha256 = ResultSets(owned, owners, farm.store, job.spec).write(
         job, merge, Judge(job.spec), state=JobState.CONVERGED, reason="levelled off"
     )

@@ -102,7 +102,7 @@ class World:
         job = self.committed(**spec).job_id
         owners = Ownerships(self.direct, LEASE_S)
         owners.save_checkpoint(self.owned, CHECKPOINT)
-        owners.end(self.owned, JobState.CONVERGED, "levelled off", {"slope": 0.0}, RESULTS)
+        owners.end(self.owned, JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, RESULTS)
         owners.finish(self.owned, keeps_sums=True)
         return job
 
@@ -332,13 +332,13 @@ def _(world: World) -> Callable[[], object]:
     world.committed(webhook=True)
     verdict = {"slope": 0.01}
     state, why = JobState.CONVERGED, "levelled off"
-    return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS, SHA256)
+    return lambda: world.owners.end(world.owned, state, "rule", why, verdict, RESULTS, SHA256)
 
 
 @case("conclude")
 def _(world: World) -> Callable[[], object]:
     world.committed()
-    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "the cap")
+    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "cap", "the cap")
     return lambda: world.owners.conclude(
         world.owned, spp=50, results=RESULTS, sha256=SHA256, notes=("a note",)
     )
@@ -354,7 +354,7 @@ def _(world: World) -> Callable[[], object]:
 @case("finish", FenceLost)
 def _(world: World) -> Callable[[], object]:
     world.committed()
-    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "the cap")
+    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "cap", "the cap")
     return lambda: world.owners.finish(world.owned, keeps_sums=False)
 
 

@@ -78,7 +78,7 @@ end
 for_farm['end'] = function(it)
   local id = it.job
   if it.token and not Job.is_owned(id, it.token) then return {outcome = 'fenced'} end
-  local moved, state = Job.end_with(id, it.target, it.reason)
+  local moved, state = Job.end_with(id, it.target, it.ended_by, it.reason)
   if not moved and state ~= it.target then return {outcome = 'illegal', state = state} end
   if moved and it.verdict then redis.call('HSET', job_key(id), 'verdict', it.verdict) end
   if moved and it.results ~= '' then

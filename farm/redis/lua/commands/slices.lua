@@ -118,6 +118,6 @@ function for_workers.fail(it)
   if not Slice.holds(it.job, it.entry, it.worker) then return 'lost' end
   Job.spend(it)
   Slice.note_try(it.job, it.index, it.worker, 'failed', it.reason, it.machine_ms, it.said)
-  Job.end_with(it.job, 'failed', it.reason)
+  Job.end_with(it.job, 'failed', 'scene', it.reason, it.index)
   return 'failed'
 end

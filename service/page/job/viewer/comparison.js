@@ -3,7 +3,7 @@
 import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
-import { comparisonOf, title, WITH } from "../../shared/job_summary.js";
+import { comparisonOf, WITH } from "../../shared/job_summary.js";
 import { READ } from "./exr.js";
 import { slider } from "./slider.js";
 
@@ -182,7 +182,7 @@ function otherAsked() {
 
 /** @param {Api.JobView | null} job */
 function named(job) {
-  return job ? `${title(job)} ${job.id.slice(0, 6)}` : "";
+  return job ? `${job.name} ${job.id.slice(0, 6)}` : "";
 }
 
 /**

@@ -117,7 +117,7 @@ def test_a_mail_says_what_ended_why_and_what_it_cost(client: redis.Redis, redis_
     part = came.get_body(("plain", "html"))
     assert part is not None
     text = part.get_content()
-    assert (came["subject"], came["to"]) == ("box.xml converged", "ops@studio.example")
+    assert (came["subject"], came["to"]) == ("box converged", "ops@studio.example")
     for words in (f"Job {job.id}: levelled off", "100 spp", "noise left 0.1", "cost 2 EUR"):
         assert words in text
     assert f"https://farm/jobs/{job.id}" in text
@@ -177,7 +177,7 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
     assert "`plateau notify ops`" in (delivery.tries[0].error or "")
     assert delivery.tries[1].error is None
     told = json.loads(receiver.received[1].body)
-    assert told["title"] == "box.xml converged"
+    assert told["title"] == "box converged"
     assert PATH in receiver.received[1].path
     assert PATH not in stream.getvalue() + delivery.model_dump_json()
 
@@ -200,8 +200,8 @@ def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
             receiver.wait_for(2)
             until(lambda: state(client, third) == "delivered", 60)
     told = {one["title"]: one["message"] for one in map(_body, receiver.received)}
-    assert {*told} == {"box.xml failed", "batch walk has ended"}
-    assert "no such plugin" in told["box.xml failed"]
+    assert {*told} == {"box failed", "batch walk has ended"}
+    assert "no such plugin" in told["box failed"]
     assert "3 jobs: 2 cancelled, 1 failed" in told["batch walk has ended"]
 
 

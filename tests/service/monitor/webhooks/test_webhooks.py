@@ -321,7 +321,7 @@ def test_a_monitor_s_deliverers_obey_the_setting(farm: Farm, redis_url: str) -> 
 
 
 def test_the_receiver_of_the_docs_takes_a_message(farm: Farm, tmp_path: Path) -> None:
-    page = (Path(__file__).parents[4] / "docs" / "webhooks.md").read_text()
+    page = (Path(__file__).parents[4] / "docs" / "notices.md").read_text()
     [code] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
