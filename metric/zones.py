@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 #: Zones begin at multiples of this many pixels, so that renderers can crop to them.
 ZONE_ALIGNMENT = 16
-#: Rows and columns of zones; other studies took observers' thresholds in 4 × 4 zones.
+#: Rows and columns of zones; others took observers' thresholds in 4 × 4 zones.
 ZONES = (4, 4)
 
 

@@ -13,11 +13,11 @@ imports no numerics.
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
 from plateau.bounds import bounded, require_bounds
+from plateau.extensions import offered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -225,11 +225,7 @@ def rules() -> "Mapping[str, type[StoppingRule]]":
         A rule cannot be loaded, is no `StoppingRule`, or has the name of another.
     """
     found: dict[str, type[StoppingRule]] = {}
-    for entry in entry_points(group=GROUP):
-        try:
-            rule = entry.load()
-        except Exception as error:
-            raise ImportError(f"the rule {entry.name} ({entry.value}) fails: {error}") from error
+    for entry, rule in offered(GROUP):
         if not (isinstance(rule, type) and issubclass(rule, StoppingRule)):
             raise ImportError(f"the rule {entry.name} ({entry.value}) is no StoppingRule")
         if rule.name != entry.name:

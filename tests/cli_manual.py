@@ -12,8 +12,10 @@ from typing import Any, Final
 import typer
 import typer.main
 
-from plateau.cli import app, rule_options
+from plateau.cli import app, meet_extensions, rule_options
 from plateau.cli.options import spec_from_options
+
+meet_extensions()
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "cli.md"
 

@@ -109,7 +109,7 @@ def test_every_tick_of_the_comparison_is_proved_by_a_test() -> None:
 def test_every_file_that_a_document_names_is_there(document: Path) -> None:
     if document.name == "CHANGELOG.md":
         return  # what it says was so then
-    folders = "bench|deploy|docs|farm|metric|plateau|scenes|service|study|tests|worker"
+    folders = "bench|deploy|docs|farm|metric|plateau|scenes|service|tests|worker"
     for name in re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", document.read_text()):
         assert "NAME" in name or (ROOT / name).exists(), name
 
@@ -129,7 +129,6 @@ def test_the_pages_that_code_names_are_there() -> None:
         "plateau",
         "scenes",
         "service",
-        "study",
         "tests",
         "worker",
     )

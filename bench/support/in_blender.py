@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, Final
 import bpy
 import numpy as np
 
+from plateau.cycles.renderer import Renderer
 from plateau.farm.images.exr import decode_layers, encode_image
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.contract import Load
-from plateau.worker.renderers.cycles.renderer import Renderer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import IO, Any, Final
 
+from plateau.farm.bundle.formats import Checked, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
+from plateau.farm.bundle.tree import Parts, Tree
 
 LIGHTS: Final = ("grey", "ramp", "checks", "texture")
 NOISES: Final = ("gaussian", "heavy-tailed", "filtered", "fireflies")
@@ -84,6 +86,29 @@ def read_analytic_scene(
             )
     given = {name: _from_text(name, text) for name, text in parameters.items()}
     return _scene({**stated, **given}, limits), own.as_text()
+
+
+def _check(
+    tree: Tree, entry: Parts, parameters: Mapping[str, str], sensor: int, limits: BundleLimits
+) -> Checked:
+    with tree.open(entry) as stream:
+        scene, own = read_analytic_scene(stream, parameters, limits)
+    if sensor != 0:
+        raise BundleError(
+            "no-sensor", f"the scene has no sensor {sensor}; an analytic one has sensor 0 alone"
+        )
+    return Checked(width=scene.width, height=scene.height, sensors=1, parameters=own)
+
+
+ANALYTIC_JSON: Final = SceneFormat(
+    renderer="analytic",
+    kind="json",
+    called="an analytic scene",
+    media_type="application/json",
+    entry="scene.json",
+    begins=(b"{",),
+    check=_check,
+)
 
 
 def _object(content: bytes) -> dict[str, Any]:

@@ -1,14 +1,14 @@
 """Checks uploaded scenes without a renderer, and unpacks them.
 
-An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML or a
-Blender file, a zip of one with its meshes and textures, or an analytic scene. Nothing in it is
-trusted. The API checks it before it stores it, and a worker checks the archive again as it unpacks
-it. Neither runs a renderer or reads a mesh.
+An upload is a file of one of the formats of `plateau.farm.bundle.formats`, such as a Mitsuba XML,
+or a zip of one with its meshes and textures. Nothing in it is trusted. The API checks it before it
+stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer or reads
+a mesh.
 
 The check refuses what reaches beyond the bundle (paths, links, libraries that Mitsuba would load),
 what costs too much (bombs, include cycles, huge films), and unknown plugins where the limits name
-the known ones. Only Mitsuba, in a child process, judges a plugin's values; and only Blender reads
-what is in a Blender file.
+the known ones. Only a renderer, in a child process, judges the values, or reads a format that it
+alone knows.
 """
 
 import os
@@ -16,11 +16,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, BinaryIO, Literal
+from typing import IO, BinaryIO
 
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.entry import find_entry, is_blend
-from plateau.farm.bundle.formats import BLEND, FORMATS, MITSUBA_XML, SceneFormat
+from plateau.farm.bundle.entry import find_entry
+from plateau.farm.bundle.formats import SceneFormat, format_named, formats
 from plateau.farm.bundle.limits import BundleError, BundleLimits
 from plateau.farm.bundle.tree import Bundle, Parts
 
@@ -35,7 +35,8 @@ _DEFAULT_LIMITS = BundleLimits()
 class SceneSummary:
     """What a check learned of an upload."""
 
-    kind: Literal["xml", "json", "blend", "zip"]
+    #: of a single file, as its format calls it; "zip"
+    kind: str
     renderer: str
     #: the name of the scene's own file in the bundle
     entry: str
@@ -204,21 +205,19 @@ def format_of(stream: IO[bytes], file: str | None = None) -> SceneFormat | None:
     if beginning.startswith(_ZIP_MAGIC):
         return None
     text = beginning.translate(None, _NOT_TEXT)
-    for one in FORMATS:
+    for one in formats():
         if text.startswith(one.begins):
             return one
     raise BundleError(
         "not-a-scene",
-        "it is neither XML nor a Blender file nor a zip archive, or it is damaged; give a Mitsuba "
-        "XML, a .blend, or a zip of one",
+        f"it is neither {' nor '.join(one.called for one in formats())} nor a zip archive, or it "
+        "is damaged",
         file=file,
     )
 
 
 def _format_in(bundle: Archive | _LoneFile, entry: Parts) -> SceneFormat:
-    if isinstance(bundle, Archive):
-        return BLEND if is_blend(entry) else MITSUBA_XML
-    return bundle.format
+    return format_named(entry) if isinstance(bundle, Archive) else bundle.format
 
 
 def _entry(bundle: Archive | _LoneFile, limits: BundleLimits) -> Parts:

@@ -3,26 +3,24 @@
 from dataclasses import dataclass, field
 
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.blend import SCENE_BLEND
+from plateau.farm.bundle.formats import MITSUBA_XML, with_suffix
 from plateau.farm.bundle.limits import BundleError, BundleLimits, brief
 from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.tree import EscapeError, Parts, find, put_first
 from plateau.farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
 
-#: A file of this name at the top is the scene.
-SCENE_XML = "scene.xml"
 #: What macOS adds to an archive beside the real files.
 _MACOS_FOLDER = "__MACOSX"
 
 
 def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
-    """Return the scene's XML in an archive, or its Blender file where it has no such XML.
+    """Return the scene's XML in an archive, or a file of another format where it has no such XML.
 
     Candidates are the XML files with the root `<scene>` that no other includes: `scene.xml` at the
     top, or in the one folder at the top; otherwise the file at the shallowest level. A job's
-    parameters do not matter, so that one bundle is one scene. Blender files may link to each other
-    and are all candidates; the name is `scene.blend`. A bundle that names files in scene roots
-    names the scene, too.
+    parameters do not matter, so that one bundle is one scene. Of other formats all files are
+    candidates, since they may refer to each other. A bundle that names files in scene roots names
+    the scene, too.
 
     Raises
     ------
@@ -33,28 +31,25 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
         return tuple(archive.placed.entry.split("/"))
     files = sorted(path for path in archive.files if path[0] != _MACOS_FOLDER)
     documents = [path for path in files if path[-1].casefold().endswith(".xml")]
-    if documents == [(SCENE_XML,)]:
+    if documents == [(MITSUBA_XML.entry,)]:
         return documents[0]
     budget = XmlBudget(limits)
     skims = {path: _skim(archive, path, budget, limits) for path in documents}
     scenes = [path for path, skim in skims.items() if skim.root == "scene"]
     if not scenes:
-        blends = [path for path in files if is_blend(path)]
-        if blends:
-            return _chosen(archive, blends, files, SCENE_BLEND)
+        for other in with_suffix():
+            named = [path for path in files if other.is_named(path)]
+            if named:
+                return _chosen(archive, named, files, other.entry)
+        others = "".join(f", or a {other.suffix}" for other in with_suffix())
         raise BundleError(
             "not-a-scene",
-            "the archive has no scene: an .xml file that starts with <scene>, or a .blend",
+            f"the archive has no scene: an .xml file that starts with <scene>{others}",
         )
     included = {path for skim in skims.values() for path in skim.includes}
     # If each is included by another, reading the scene reports the cycle.
     candidates = [path for path in scenes if path not in included] or scenes
-    return _chosen(archive, candidates, files, SCENE_XML)
-
-
-def is_blend(path: Parts) -> bool:
-    """Return whether a file goes by the name of Blender's."""
-    return path[-1].casefold().endswith(".blend")
+    return _chosen(archive, candidates, files, MITSUBA_XML.entry)
 
 
 def _chosen(archive: Archive, candidates: list[Parts], files: list[Parts], name: str) -> Parts:

@@ -1,23 +1,25 @@
 """The formats of scenes, one for each renderer, and their checks without the renderer.
 
 The first characters of an upload decide its format: so the API, which never imports a renderer,
-checks every scene and knows the variants that can render it. A zip holds a Mitsuba scene, or a
-Blender file with what it links to. Analytic scenes are one file.
+checks every scene and knows the variants that can render it. A zip holds a Mitsuba scene, or one of
+another format whose files have a suffix of their own, with what the scene needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from functools import cache
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Final
 
-from plateau.farm.bundle.analytic import read_analytic_scene
-from plateau.farm.bundle.blend import BEGINS, SCENE_BLEND, check_blend
-from plateau.farm.bundle.entry import SCENE_XML
-from plateau.farm.bundle.limits import BundleError, BundleLimits
+from plateau.farm.bundle.limits import BundleLimits
 from plateau.farm.bundle.tree import Parts, Tree
 from plateau.farm.bundle.walk import read_scene
-from plateau.farm.model.renderers import ANALYTIC, CYCLES, MITSUBA
+from plateau.farm.model.renderers import MITSUBA, renderers
+
+if TYPE_CHECKING:
+    import re
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +38,29 @@ class SceneFormat:
 
     renderer: str
     #: `SceneSummary.kind` of an upload of one file
-    kind: Literal["xml", "json", "blend"]
+    kind: str
+    #: what people call such a file, with its article
+    called: str
     #: of such a file, in HTTP
     media_type: str
-    #: the name of such a file in its bundle
+    #: the name of such a file in its bundle, and of the scene where a folder has several
     entry: str
     #: the first characters of such a file after blanks and a byte order mark, one of these
     begins: tuple[bytes, ...]
     #: checks the scene in this tree and file, with a job's parameters and sensor, or raises
     #: `BundleError`
     check: Callable[[Tree, Parts, Mapping[str, str], int, BundleLimits], Checked]
+    #: how the names of such files end, in lower case, if a zip or a folder with one may be a scene;
+    #: such a folder is packed whole
+    suffix: str = ""
+    #: the suffixes of files that are left out when a folder is packed
+    left_out: re.Pattern[str] | None = None
+    #: whether such files are not worth compressing
+    is_compressed: bool = False
+
+    def is_named(self, path: Parts) -> bool:
+        """Return whether a file has the suffix of this format."""
+        return bool(self.suffix) and path[-1].casefold().endswith(self.suffix)
 
 
 def _check_mitsuba(
@@ -62,59 +77,40 @@ def _check_mitsuba(
     )
 
 
-def _check_analytic(
-    tree: Tree, entry: Parts, parameters: Mapping[str, str], sensor: int, limits: BundleLimits
-) -> Checked:
-    with tree.open(entry) as stream:
-        scene, own = read_analytic_scene(stream, parameters, limits)
-    if sensor != 0:
-        raise BundleError(
-            "no-sensor", f"the scene has no sensor {sensor}; an analytic one has sensor 0 alone"
-        )
-    return Checked(width=scene.width, height=scene.height, sensors=1, parameters=own)
-
-
-def _check_blend(
-    tree: Tree, entry: Parts, parameters: Mapping[str, str], sensor: int, limits: BundleLimits
-) -> Checked:
-    with tree.open(entry) as stream:
-        width, height = check_blend(stream, parameters, limits)
-    if sensor != 0:
-        raise BundleError(
-            "no-sensor",
-            f"the scene has no sensor {sensor}; a Blender file has sensor 0 alone, and other "
-            "cameras by the parameter camera",
-        )
-    return Checked(width=width, height=height, sensors=1, parameters={})
-
-
 MITSUBA_XML: Final = SceneFormat(
     renderer=MITSUBA,
     kind="xml",
+    called="a Mitsuba XML",
     media_type="application/xml",
-    entry=SCENE_XML,
+    entry="scene.xml",
     begins=(b"<",),
     check=_check_mitsuba,
 )
 
-BLEND: Final = SceneFormat(
-    renderer=CYCLES,
-    kind="blend",
-    media_type="application/x-blender",
-    entry=SCENE_BLEND,
-    begins=BEGINS,
-    check=_check_blend,
-)
 
-FORMATS: Final = (
-    MITSUBA_XML,
-    BLEND,
-    SceneFormat(
-        renderer=ANALYTIC,
-        kind="json",
-        media_type="application/json",
-        entry="scene.json",
-        begins=(b"{",),
-        check=_check_analytic,
-    ),
-)
+@cache
+def formats() -> tuple[SceneFormat, ...]:
+    """Return the formats of the installed renderers, in their order.
+
+    Raises
+    ------
+    ImportError
+        A renderer names no format.
+    """
+    found = []
+    for renderer in renderers().values():
+        one = resolve_name(renderer.scenes)
+        if not (isinstance(one, SceneFormat) and one.renderer == renderer.name):
+            raise ImportError(f"{renderer.scenes} is no SceneFormat of {renderer.name}")
+        found.append(one)
+    return tuple(found)
+
+
+def with_suffix() -> tuple[SceneFormat, ...]:
+    """Return those of which a zip or a folder may hold a scene, besides Mitsuba's."""
+    return tuple(one for one in formats() if one.suffix)
+
+
+def format_named(path: Parts) -> SceneFormat:
+    """Return the format of the scene's file in a zip, by its name."""
+    return next((one for one in with_suffix() if one.is_named(path)), MITSUBA_XML)

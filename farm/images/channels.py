@@ -6,8 +6,8 @@ has A next, and AOVs follow; they are weighted sums as well. Ids (numbers of sha
 are not: a pixel has the value of its first sample, and a sum of films has the values of its first.
 Nor are Cryptomattes, see `plateau.farm.images.mattes`.
 
-Blender divides direct and indirect light by the colour of the surface. A mean of quotients is not
-the quotient of the means, so a film has the light, and an image what Blender would have written.
+Some renderers divide direct and indirect light by the colour of the surface. A mean of quotients is
+not the quotient of the means, so a film has the light and the colour, and an image the quotient.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ BLACK: Final[Colour] = (0.0, 0.0, 0.0)
 
 #: The most channels of a film, and the most characters of a channel's name.
 MOST_CHANNELS: Final = 128
-_LONGEST_NAME: Final = 160  # a view layer and a pass of Blender's have 63 each
+_LONGEST_NAME: Final = 160  # a layer and a pass may have 63 each
 #: The most values of a film, in all pixels and channels together: 1 GiB in float32.
 MOST_VALUES: Final = 2**28
 
-#: Light that Blender divides by a colour.
+#: Light that is divided by a colour.
 _DIVIDED_LIGHT: Final = re.compile(
     r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])"
 )
@@ -197,9 +197,9 @@ class Channels:
     def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
         """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
-        Sums are divided by W, and Blender's light passes by the sums of their colour. They are 0
-        where that is 0, as where no sample has reached the pixel. Ids are not divided, and the
-        pairs of a matte are ranked.
+        Sums are divided by W, and some light by the sums of its colour. They are 0 where that is 0,
+        as where no sample has reached the pixel. Ids are not divided, and the pairs of a matte are
+        ranked.
         """
         total, ids = self._ranked(total)
         reached = _reached(total)
@@ -255,7 +255,7 @@ class Channels:
 
 
 def surface_colour(name: str) -> str | None:
-    """Return the channel of the colour by which Blender divides light, or None for another channel.
+    """Return the channel of the colour by which light is divided, or None for another channel.
 
     Examples
     --------

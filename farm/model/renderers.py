@@ -5,51 +5,36 @@ variants draw different samples of a scene, so a job keeps to one. A variant's f
 ``RENDERER:VARIANT``. Mitsuba's variants are stored and shown without ``mitsuba:``, and accepted
 with it or without. All others are named in full.
 
-`plateau.worker.renderers.contract` is a renderer's interface to a worker, and
-`plateau.farm.bundle.formats` has the format of its scenes. ``docs/renderers.md`` says what a new
-renderer needs.
+A renderer is known by one object, its `RendererFacts`, which an installed distribution names in the
+entry point group `plateau.renderers`; Plateau's own are installed in the same way. The object
+imports nothing but this module: it names by strings what an API needs to check a scene, and what a
+worker needs to render one. ``docs/renderers.md`` says what a new renderer needs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Literal
 
+from plateau.extensions import offered
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: The entry point group of renderers.
+GROUP: Final = "plateau.renderers"
+#: The renderer whose variants have short names, and whose ``auto`` its first worker decides.
 MITSUBA: Final = "mitsuba"
-ANALYTIC: Final = "analytic"
-CYCLES: Final = "cycles"
-
-#: Every variant by its stored and shown name.
-RenderVariant = Literal[
-    "scalar_rgb",
-    "llvm_ad_rgb",
-    "cuda_ad_rgb",
-    "analytic:numpy",
-    "cycles:cpu",
-    "cycles:optix",
-    "cycles:cuda",
-    "cycles:hip",
-    "cycles:oneapi",
-    "scalar_spectral",
-    "scalar_spectral_polarized",
-    "llvm_ad_mono",
-    "llvm_ad_mono_polarized",
-    "llvm_ad_spectral",
-    "llvm_ad_spectral_polarized",
-    "cuda_ad_mono",
-    "cuda_ad_mono_polarized",
-    "cuda_ad_spectral",
-    "cuda_ad_spectral_polarized",
-]
-#: The variants that a job may ask for; one list, so that the error for another name has them all.
-AnyVariant = Literal["auto", RenderVariant]
+#: The variant of a job that names none.
+AUTO: Final = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariantFacts:
     """The farm's facts of a variant."""
 
-    renderer: str  #: its package in `plateau.worker.renderers`
     own_name: str  #: the renderer's own name of the variant
     #: seeds of independent samples (`plateau.farm.model.seeds`): any distinct ones, those of
     #: Mitsuba's scalar variants, or places in sequences of samples
@@ -58,8 +43,9 @@ class VariantFacts:
     renders_zones: bool = True  #: parts of a film, as jobs that are allocated by zones need them
     on_gpu: bool = False  #: whether it renders on a GPU
     is_confined: bool = True  #: whether its render child is; not where nobody has tried it
-    works_everywhere: bool = False  #: wherever its renderer can be loaded: it needs no library
-    package: str = ""  #: the Python package that has its renderer; "" for a part of Plateau
+    works_everywhere: bool = False  #: wherever its renderer's package is: no worker need try it
+    driver: str = ""  #: how the name begins of a system's library without which no worker tries it
+    renderer: str = ""  #: the renderer's name, which `RendererFacts` sets
 
     @property
     def backend(self) -> str:
@@ -67,39 +53,74 @@ class VariantFacts:
         return f"{self.renderer}:{self.own_name.partition('_')[0]}"
 
 
-def _facts(shown: RenderVariant) -> VariantFacts:
-    if shown == "analytic:numpy":
-        return VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True)
-    if shown.startswith(f"{CYCLES}:"):
-        device = shown.removeprefix(f"{CYCLES}:")
-        return VariantFacts(
-            renderer=CYCLES,
-            own_name=device,
-            seeds="sequences",
-            renders_zones=False,
-            on_gpu=device != "cpu",
-            is_confined=device == "cpu",
-            works_everywhere=device == "cpu",
-            package="bpy",
-        )
-    if shown.startswith("scalar"):
-        return VariantFacts(
-            renderer=MITSUBA,
-            own_name=shown,
-            seeds="scalar",
-            renders_in_parts=False,
-            renders_zones=False,
-            works_everywhere=True,
-            package=MITSUBA,
-        )
-    return VariantFacts(
-        renderer=MITSUBA, own_name=shown, on_gpu=shown.startswith("cuda"), package=MITSUBA
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """A program that brings a Python of its own, and in it a renderer's package."""
+
+    name: str  #: on the PATH
+    #: with which it runs a Python file; ``--``, this Python's version and folders of packages,
+    #: ``--``, a module and its arguments follow
+    arguments: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RendererFacts:
+    """The farm's facts of a renderer."""
+
+    name: str
+    #: the first is that of a job that names none
+    variants: tuple[VariantFacts, ...]
+    help: str  #: the variants in the help of ``--variant``
+    #: ``MODULE:NAME`` of its `plateau.farm.bundle.formats.SceneFormat`
+    scenes: str
+    #: ``MODULE:NAME`` of its class that fits `plateau.worker.renderers.contract.Renderer`, which
+    #: only render children import
+    child: str
+    package: str = ""  #: the Python package that it needs; "" where Plateau's own suffice
+    program: Program | None = None  #: what may bring the package instead
+    missing: str = ""  #: what to do on a machine that lacks it
+    #: a module that prints the devices that a machine has for its variants on GPUs, a JSON object
+    #: of lists of names by a variant's own name; "" for none
+    devices: str = ""
+    order: int = 100  #: renderers are listed by rising order
+
+    def __post_init__(self) -> None:
+        own = tuple(replace(one, renderer=self.name) for one in self.variants)
+        object.__setattr__(self, "variants", own)
+
+
+@cache
+def renderers() -> Mapping[str, RendererFacts]:
+    """Return the installed renderers by name, sorted by their `order`.
+
+    Raises
+    ------
+    ImportError
+        A renderer cannot be loaded, is no `RendererFacts`, or has the name of another.
+    """
+    found: dict[str, RendererFacts] = {}
+    for entry, one in offered(GROUP):
+        if not isinstance(one, RendererFacts):
+            raise ImportError(f"the renderer {entry.name} ({entry.value}) is no RendererFacts")
+        if one.name != entry.name:
+            raise ImportError(f"the renderer {entry.name} ({entry.value}) calls itself {one.name}")
+        if found.setdefault(one.name, one) is not one:
+            raise ImportError(f"two renderers are called {one.name}; uninstall one of them")
+    if MITSUBA not in found:
+        raise ImportError("Plateau's own renderers are not installed: install the package again")
+    return MappingProxyType(dict(sorted(found.items(), key=lambda one: (one[1].order, one[0]))))
+
+
+@cache
+def variants() -> Mapping[str, VariantFacts]:
+    """Return the variants of the installed renderers by their stored and shown names."""
+    return MappingProxyType(
+        {
+            shown_name(f"{renderer.name}:{one.own_name}"): one
+            for renderer in renderers().values()
+            for one in renderer.variants
+        }
     )
-
-
-VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
-    shown: _facts(shown) for shown in get_args(RenderVariant)
-}
 
 
 def shown_name(variant: str) -> str:
@@ -121,13 +142,24 @@ def variant_named(name: str) -> VariantFacts:
     ValueError
         There is no such variant.
     """
-    for known, facts in VARIANTS.items():
-        if known == name:
-            return facts
-    raise ValueError(f"there is no variant {name!r}; there are {', '.join(VARIANTS)}")
+    known = variants().get(name)
+    if known is None:
+        raise ValueError(f"there is no variant {name!r}; there are {', '.join(variants())}")
+    return known
 
 
-def variant_for(asked: str, renderer: str) -> RenderVariant | Literal["auto"]:
+def renderer_of(variant: str) -> RendererFacts:
+    """Return the farm's facts of a variant's renderer.
+
+    Raises
+    ------
+    ValueError
+        There is no such variant.
+    """
+    return renderers()[variant_named(variant).renderer]
+
+
+def variant_for(asked: str, renderer: str) -> str:
     """Return the variant of a job of this renderer's scene, by the variant asked for.
 
     Mitsuba's ``auto`` stays: the first worker decides. For other renderers it is their first one.
@@ -137,14 +169,11 @@ def variant_for(asked: str, renderer: str) -> RenderVariant | Literal["auto"]:
     ValueError
         It is a variant of another renderer; the message says what to do.
     """
-    own: list[RenderVariant] = [
-        name for name, known in VARIANTS.items() if known.renderer == renderer
-    ]
-    if asked == "auto":
-        return "auto" if renderer == MITSUBA else own[0]
-    for name in own:
-        if name == asked:
-            return name
+    own = [name for name, known in variants().items() if known.renderer == renderer]
+    if asked == AUTO:
+        return AUTO if renderer == MITSUBA else own[0]
+    if asked in own:
+        return asked
     raise ValueError(
         f"the scene is one for the renderer {renderer}, which has no variant {asked}; leave the "
         f"variant out, or name {' or '.join(own)}"

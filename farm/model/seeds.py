@@ -3,7 +3,7 @@
 A slice is a fixed list of passes. Passes are counted through the whole job, and the number of a
 pass decides its seed, so a slice is a pure function of the schedule and its index. Which seeds give
 independent samples depends on the variant, see `plateau.farm.model.renderers`: most take any that
-are distinct, and Mitsuba's scalar and Cycles' variants do not.
+are distinct; Mitsuba's scalar variants and those that draw sequences do not.
 
 **Mitsuba's JIT variants** (``llvm_*``, ``cuda_*``) are rendered by our kernel
 (`plateau.worker.renderers.mitsuba.kernel`). It starts a sample's random numbers from a bijection of
@@ -29,14 +29,14 @@ and always on the same PCG32 stream. Three things follow:
    variance of 256 merged passes was 1.88 times what independence gives. Starts in a scrambled order
    repeat no distance, the signs cancel, and the factor was 1.02. Hence `_scramble`.
 
-**Cycles** (`plateau.worker.renderers.cycles`) draws the samples of a pixel from low-discrepancy
-sequences, and can render any stretch of one. Samples of one sequence lie apart from each other, so
-they are *not* independent: the more there are, the more the difference of two halves of them
-exceeds the error of their mean. A job therefore has two sequences, with scrambles of their own: one
-for the slices with an even index, one for those with an odd one. These are the halves by which a
-monitor estimates the noise that is left. A slice takes up its sequence where its predecessor of
-that half has ended, so that its place does not depend on the job's cap. The seed of a pass is the
-number of its first sample, counted through all sequences of all jobs.
+**Sequences**: a renderer may draw the samples of a pixel from low-discrepancy sequences, of which
+it can render any stretch. Samples of one sequence lie apart from each other, so they are *not*
+independent: the more there are, the more the difference of two halves of them exceeds the error of
+their mean. A job therefore has two sequences, with scrambles of their own: one for the slices with
+an even index, one for those with an odd one. These are the halves by which a monitor estimates the
+noise that is left. A slice takes up its sequence where its predecessor of that half has ended, so
+that its place does not depend on the job's cap. The seed of a pass is the number of its first
+sample, counted through all sequences of all jobs.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ class SeedRange(NamedTuple):
     """The numbers of one slice, both ends included; disjoint between a job's slices.
 
     They count passes in the variant's sequence of seeds, job seed included. A JIT pass's seed *is*
-    its number; a scalar pass's seed is a one-to-one scramble of it. Of Cycles they count samples,
-    and a pass's seed is the number of its first one.
+    its number; a scalar pass's seed is a one-to-one scramble of it. In sequences they count
+    samples, and a pass's seed is the number of its first one.
     """
 
     first: int

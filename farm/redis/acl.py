@@ -5,7 +5,7 @@ user                      may
 ========================  ========================================================================
 ``plateau-worker``        the queue: leases, ledgers, reports of slices and of the workers
 ``plateau-monitor``       that, and jobs, scenes, webhooks with their secrets, and the sweeps
-``plateau-api``           that, and batches, studies and the use of keys; read the keys themselves
+``plateau-api``           that, and batches and the use of keys; read the keys themselves
 ``plateau-admin``         all of Plateau's data, for `plateau keys`, `gc` and `doctor`; and end a
                           script, a client or the server that hangs
 ``plateau-replica``       follow a master, for replicas of it
@@ -39,6 +39,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Final
 
+from plateau.extensions import extensions
 from plateau.farm.redis import keys
 from plateau.farm.redis.keys import PREFIX
 from plateau.farm.redis.scripts import for_workers
@@ -111,18 +112,13 @@ _MONITOR: Final = (
     keys.jobs_of_key(_ID),
     keys.WEBHOOK_SECRET,
     keys.OLD_WEBHOOK_SECRET,
-    keys.study(_ID),
-    keys.study(_ID, "making"),
 )
+#: Beside those of a monitor.
 _API: Final = (
-    *_MONITOR,
     f"{PREFIX}created",
     f"{PREFIX}idempotency:*",
     f"{PREFIX}key:{_ID}:rate",
     keys.API_KEYS_USED,
-    keys.STUDIES,
-    keys.STUDIES_ASKED,
-    keys.study(_ID, "*"),
 )
 _READ_BY_API: Final = (keys.API_KEYS,)
 
@@ -168,11 +164,14 @@ def rules(redis: tuple[int, int] = (7, 0)) -> dict[str, tuple[str, ...]]:
     def on(these: Iterable[str], to_read: Iterable[str] = ()) -> tuple[str, ...]:
         return (*(f"~{key}" for key in these), *(f"{reading}{key}" for key in to_read))
 
+    of_extensions = tuple(extensions("keys"))
+    monitor = (*_MONITOR, *(key for one in of_extensions for key in one.SWEPT))
+    api = (*monitor, *_API, *(key for one in of_extensions for key in one.SERVED))
     may_run = tuple(f"+{command}" for command in worker_commands())
     return {
         "plateau-worker": (_HINTS, *on(_QUEUE, _READ_BY_WORKERS), "-@all", *may_run),
-        "plateau-monitor": (_HINTS, *on(_MONITOR), *_DATA_COMMANDS),
-        "plateau-api": (_HINTS, *on(_API, _READ_BY_API), *_DATA_COMMANDS),
+        "plateau-monitor": (_HINTS, *on(monitor), *_DATA_COMMANDS),
+        "plateau-api": (_HINTS, *on(api, _READ_BY_API), *_DATA_COMMANDS),
         "plateau-admin": (_HINTS, *on([f"{PREFIX}*"]), *_ADMIN_COMMANDS),
         "plateau-replica": ("-@all", *_REPLICA),
         "plateau-sentinel": ("allchannels", "-@all", *_SENTINEL),

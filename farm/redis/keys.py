@@ -1,4 +1,4 @@
-"""Every Redis key of Plateau, built here and nowhere else.
+"""Every Redis key of Plateau, built here and nowhere else; extensions have keys of their own.
 
 ========================= ======= ==================================================== =========
 key                       type    what                                                 lifetime
@@ -71,12 +71,6 @@ plateau:webhooks:before   string  those before it, which also sign              
 plateau:troubles          hash    "SCOPE TARGET TROUBLE" → since when (ms), and until    while so
                                   when it is being told (ms), or ``told``
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
-plateau:studies           zset    observer study, scored by its creation (ms)          the study's
-plateau:studies:asked     hash    digest of a request → the study that it made         the study's
-plateau:study:ID          hash    the study; see `study.ledger`                        till DELETE
-plateau:study:ID:making   string  set while its pictures are put                       30 min
-plateau:study:ID:observers hash   pseudonym → JSON of number and screen                the study's
-plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the answer      the study's
 plateau:job:ID            hash    the job; see `ledger.jobs`                           the job's
 plateau:job:ID:slices     stream  slices that were leased; group `workers` holds them  till end
 plateau:job:ID:lost       zset    leased entries without a worker, scored by slice     till end
@@ -156,8 +150,6 @@ HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
 API_KEYS: Final = PREFIX + "keys"
 API_KEYS_USED: Final = PREFIX + "keys:used"
-STUDIES: Final = PREFIX + "studies"
-STUDIES_ASKED: Final = PREFIX + "studies:asked"
 RECEIVERS: Final = PREFIX + "webhooks"
 WEBHOOK_SECRET: Final = PREFIX + "webhooks:secret"
 OLD_WEBHOOK_SECRET: Final = PREFIX + "webhooks:before"
@@ -226,11 +218,6 @@ def wake_worker(worker_id: str) -> str:
     return f"{WAKE_WORKERS}:{worker_id}"
 
 
-def study(study_id: str, part: str = "") -> str:
-    """The key of an observer study, or of one of its parts (``observers``, …)."""
-    return f"{PREFIX}study:{study_id}:{part}" if part else f"{PREFIX}study:{study_id}"
-
-
 def webhooks_due(receiver: str) -> str:
     """The key of the deliveries to a receiver of webhooks."""
     return f"{RECEIVERS}:due:{receiver}"
@@ -269,10 +256,6 @@ local function job_key(id, part)
 end
 local SPENT, TROUBLES = '{SPENT}', '{TROUBLES}'
 local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
-local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
-local function study_key(id, part)
-  return PREFIX .. 'study:' .. id .. (part and ':' .. part or '')
-end
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end
 local function told_key(blob) return PREFIX .. 'told:' .. blob end

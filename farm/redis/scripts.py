@@ -46,7 +46,7 @@ _NAMESPACES: Final = {
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
     *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "webhooks"),
-    *("members", "api_keys", "studies", "census", "troubles"),
+    *("members", "api_keys", "census", "troubles"),
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
@@ -92,8 +92,8 @@ def for_workers() -> str:
 
 
 @cache
-def text() -> str:
-    """The script as Redis runs it."""
+def text(more: str = "") -> str:
+    """The script as Redis runs it, with more commands for the farm, such as an extension's."""
     return "".join(
         (
             library(),
@@ -104,14 +104,15 @@ def text() -> str:
                 f"subjects[#subjects + 1] = function()\n{_commands([one])}end\n"
                 for one in _FOR_FARM
             ),
+            f"subjects[#subjects + 1] = function()\n{more}end\n" if more else "",
             (_LUA / "dispatch.lua").read_text(),
         )
     )
 
 
-def commands(whose: str = "workers|farm") -> set[str]:
+def commands(whose: str = "workers|farm", more: str = "") -> set[str]:
     """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
-    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(), re.MULTILINE))
+    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(more), re.MULTILINE))
 
 
 @contextmanager
@@ -133,11 +134,11 @@ def _answers_as_farm_errors() -> Iterator[None]:
 
 
 class Scripts:
-    """Runs commands of the script on one Redis client."""
+    """Runs commands of the script on one Redis client, and those that `more` adds in Lua."""
 
-    def __init__(self, client: RedisClient) -> None:
+    def __init__(self, client: RedisClient, more: str = "") -> None:
         self._redis = client
-        self._text = text()
+        self._text = text(more)
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
     def run(self, command: Command[Answer]) -> Answer:

@@ -279,7 +279,7 @@ METRICS: Final = (
 )
 
 #: What a problem of each type may say.
-PROBLEM_DETAILS: Final = {
+PROBLEM_DETAILS: Final[dict[str, str]] = {
     "malformed-request": NOT_JSON,
     "foreign-host": "the request is addressed to 'farm.example'; without API keys, this service "
     "answers its own machine only, as localhost, 127.0.0.1 or [::1]; once `plateau keys create "
@@ -301,15 +301,6 @@ PROBLEM_DETAILS: Final = {
     "unknown-worker": f"there is no worker {_WORKER!r}; GET /v1/workers lists those there are",
     "no-shot": "the batch 'exposures' is no shot: submit its frames with `shot`",
     "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
-    "unknown-study": "there is no study '9c1f47be02d8'; GET /v1/studies lists those there are",
-    "unknown-observer": "nobody takes part in study 9c1f47be02d8 as 'o-7f3a'; PUT "
-    "/v1/studies/9c1f47be02d8/observers/o-7f3a takes part",
-    "unknown-trial": "study 9c1f47be02d8 shows each observer 14 pairs, numbered from 0: there is "
-    "no pair 14",
-    "not-your-study": "study 9c1f47be02d8 belongs to another key; only that key, or one with the "
-    "role admin, may change it",
-    "cannot-study": f"job {JOB_ID} did not keep its slices; submit the scene again with "
-    "keep_slices",
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
     f"slice, which GET {_ROOT}/events announces",
     "unknown-point": f"job {JOB_ID} has no point at 130 spp: they are 100 spp apart, up to 400; "

@@ -1,6 +1,6 @@
 """The API's answers as pydantic models, which the client shares."""
 
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
@@ -185,7 +185,7 @@ class SceneView(BaseModel):
     width: int | None = Field(
         None,
         description="film width in pixels, as first submitted; null where the renderer alone can "
-        "tell, as of a Blender file",
+        "tell",
     )
     height: int | None = Field(None, description="film height in pixels, likewise")
 
@@ -194,12 +194,21 @@ class Scenes(BaseModel):
     """The stored scenes."""
 
     model_config = ConfigDict(
-        json_schema_extra=_shows({"scenes": [examples.SCENE], "roots": ["assets"]})
+        json_schema_extra=_shows(
+            {
+                "scenes": [examples.SCENE],
+                "roots": ["assets"],
+                "formats": {".xml": "a Mitsuba XML", ".json": "an analytic scene"},
+            }
+        )
     )
 
     scenes: list[SceneView]
     roots: list[str] = Field(
         [], description="the service's scene roots: a scene in one is named `{ROOT}/PATH`"
+    )
+    formats: dict[str, str] = Field(
+        {}, description="what a scene may be, by the suffix of its file; or a zip of one"
     )
 
 
@@ -220,8 +229,8 @@ class SceneFound(SceneView):
 
     model_config = ConfigDict(json_schema_extra=_shows(examples.SCENE_FOUND))
 
-    kind: Literal["xml", "json", "blend", "zip"] = Field(
-        description="a single file of XML, JSON (an analytic scene) or Blender's, or a zip"
+    kind: str = Field(
+        description="what it is: the format of a single file, such as xml or json, or zip"
     )
     entry: str = Field(description="the scene's own file, by its name in the bundle")
     files: int = Field(description="how many files there are")

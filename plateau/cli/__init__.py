@@ -5,6 +5,7 @@ No heavy module is imported here, so --help and a mistyped option answer at once
 
 import atexit
 import gc
+import sys
 from typing import Final
 
 # Help lists the commands in this order.
@@ -17,9 +18,7 @@ from plateau.cli.app import app
 from plateau.cli.bash_completion import completing_in_bash, with_whole_words
 from plateau.extensions import extensions
 
-__all__ = ["app", "main"]
-
-list(extensions("cli"))  # each adds its commands
+__all__ = ["app", "main", "meet_extensions"]
 
 
 #: Python's garbage collector runs after this many more allocations than deallocations. Imports
@@ -27,10 +26,26 @@ list(extensions("cli"))  # each adds its commands
 _OBJECTS: Final = 10_000
 
 
+def meet_extensions(asked: str = "") -> None:
+    """Have extensions add their commands, unless a command of Plateau's own is asked for.
+
+    To find them takes some milliseconds.
+    """
+    groups = {one.name for one in app.registered_groups}
+    commands = {
+        one.name or one.callback.__name__.replace("_", "-")
+        for one in app.registered_commands
+        if one.callback
+    }
+    if asked not in groups | commands:
+        list(extensions("cli"))  # each adds its own when it is imported
+
+
 def main() -> None:
     """Run the command line."""
     gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)  # no last collection: the process frees everything
+    meet_extensions("".join(sys.argv[1:2]))
     if completing_in_bash("_PLATEAU_COMPLETE"):
         with_whole_words(lambda: app(prog_name="plateau"))
     else:

@@ -44,7 +44,7 @@ _HINTS: Final = {
 
 #: The extras of the distribution that a command needs. Commands that need all or none of them are
 #: left out.
-_EXTRAS: Final = {
+_EXTRAS: Final[dict[str, str]] = {
     "api": "service",
     "denoise": "monitor,denoise",
     "diff": "images",
@@ -56,7 +56,6 @@ _EXTRAS: Final = {
     "notify": "monitor,notify",
     "redis-acl": "farm",
     "scale": "farm",
-    "study": "plot",
     "webhooks": "farm",
     "worker": "worker",
 }
@@ -157,9 +156,13 @@ app = _App(
 )
 
 
-def group(name: str, about: str) -> typer.Typer:
-    """Register a group of commands: ``plateau NAME COMMAND``."""
+def group(name: str, about: str, *, extra: str = "all") -> typer.Typer:
+    """Register a group of commands: ``plateau NAME COMMAND``.
+
+    `extra` names the extras of the distribution that the commands need.
+    """
     made = _App(about)
+    _EXTRAS.setdefault(name, extra)
     app.add_typer(made, name=name)
     return made
 

@@ -10,7 +10,7 @@ replaced.
 
 import re
 from pathlib import Path
-from typing import Final, get_args
+from typing import Final
 
 import typer
 
@@ -83,9 +83,10 @@ def rules(incomplete: str) -> Offered:
 
 def variants(incomplete: str) -> Offered:
     """The variants of the renderers."""
-    from plateau.farm.model.renderers import AnyVariant
+    from plateau.farm.model.renderers import AUTO
+    from plateau.farm.model.renderers import variants as known
 
-    return [(name, "") for name in get_args(AnyVariant) if name.startswith(incomplete)]
+    return [(name, "") for name in (AUTO, *known()) if name.startswith(incomplete)]
 
 
 def aovs(incomplete: str) -> Offered:

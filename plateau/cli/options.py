@@ -27,9 +27,10 @@ Scene = Annotated[
     typer.Argument(
         callback=_scene,
         autocompletion=complete.scene_files,
-        help="A Mitsuba XML, a Blender file, a zip, a folder with one of them, an analytic scene "
-        f"(JSON), or an example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}. A "
-        "service also takes one where it lies: {ROOT}/PATH, in a scene root.",
+        help="A Mitsuba XML, an analytic scene (JSON), a file of another renderer, a zip, a folder "
+        "with one of them, or an example scene: scenes:NAME, where NAME is "
+        f"{', '.join(scenes.NAMES)}. A service also takes one where it lies: {{ROOT}}/PATH, in a "
+        "scene root.",
     ),
 ]
 _job_id = partial(
@@ -161,9 +162,7 @@ def spec_from_options(
     variant: Annotated[
         str | None,
         typer.Option(
-            help="auto; scalar_rgb, llvm_ad_rgb or cuda_ad_rgb; spectral, mono or polarized in the "
-            "place of rgb (docs/renderers.md); analytic:numpy; cycles:cpu, or :optix, :cuda, :hip "
-            "or :oneapi in its place.",
+            help="auto;",  # `plateau.cli.rule_options` adds those of the renderers
             show_default="auto",
             autocompletion=complete.variants,
         ),
@@ -308,7 +307,7 @@ def spec_from_options(
     ] = None,
     keep_slices: Annotated[
         bool,
-        typer.Option("--keep-slices", help="Keep every slice, for `judge`, `again` and studies."),
+        typer.Option("--keep-slices", help="Keep every slice, for `judge` and `again`."),
     ] = False,
 ) -> Spec:
     """The spec that the options describe; other fields have the spec's defaults."""

@@ -1,6 +1,6 @@
 """The options of stopping rules, added to a command when it runs or prints its help.
 
-To find the rules takes some milliseconds, which other commands should not lose.
+To find rules and renderers takes some milliseconds, which other commands should not lose.
 """
 
 import inspect
@@ -25,13 +25,20 @@ def owners() -> dict[str, str]:
 def add(params: list[Any]) -> list[str]:
     """Add the rules' options to those of a command after --watch; name the rules in --rule's help.
 
+    The help of --variant names the renderers' variants.
+
     Returns the names of the added options; an option of the command itself is not replaced.
     """
+    from plateau.farm.model.renderers import renderers
+
     taken = {one.name: one for one in params}
     owned = {name: rule for name, rule in owners().items() if name not in taken}
     rule_option = taken["rule"]
     changes = rule_option.show_default if rule_option.show_default == "as it was" else None
     rule_option.help = f"{rule_option.help} {_about(owned)}"
+    if "variant" in taken:
+        known = "; ".join(one.help for one in renderers().values())
+        taken["variant"].help = f"{taken['variant'].help} {known}."
     place = 1 + next(index for index, one in enumerate(params) if one.name == "watch")
     params[place:place] = _made(owned, changes)
     return list(owned)

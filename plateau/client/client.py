@@ -1,7 +1,7 @@
 """The client: all groups of calls over one transport."""
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from plateau.client.batches import BatchCalls
@@ -12,7 +12,7 @@ from plateau.client.transport import Transport
 from plateau.client.watching import WatchingCalls
 
 if TYPE_CHECKING:
-    from plateau.study.client import StudyCalls
+    pass
 
 DEFAULT_URL: Final = "http://127.0.0.1:8713"
 
@@ -72,13 +72,6 @@ class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, WebhookCalls, Far
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickled client has the API key, and opens connections of its own."""
         return self._made_again(), ()
-
-    @cached_property
-    def studies(self) -> "StudyCalls":
-        """Calls about observer studies, over the same connections."""
-        from plateau.study.client import StudyCalls
-
-        return StudyCalls(self._transport)
 
     @property
     def url(self) -> str:

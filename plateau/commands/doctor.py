@@ -14,6 +14,7 @@ from typing import Final
 from plateau.exit_codes import ExitCode
 from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.renderers import MITSUBA, RendererFacts, renderers, shown_name
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.embedded import find_redis_server
 from plateau.farm.redis.health import examine
@@ -22,16 +23,9 @@ from plateau.processes.read_settings import farm_settings
 from plateau.service.monitor.denoising import oidn
 from plateau.worker.confinement.confine import try_here
 from plateau.worker.renderers.program import command, release
-from plateau.worker.supervisor.variants import (
-    BLENDER_MISSING,
-    VariantChoice,
-    choose,
-    is_here,
-    probe,
-)
+from plateau.worker.supervisor.variants import VariantChoice, choose, is_here, probe
 
-_CYCLES: Final = "cycles:cpu"
-#: The longest that Blender may look for devices; a driver may start first.
+#: The longest that a renderer may look for devices; a driver may start first.
 _DEVICES_S: Final = 120.0
 
 
@@ -50,7 +44,10 @@ def doctor(*, as_json: bool) -> int:
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
-    checks += [*_blender(), _denoiser(), *_confinement()]
+    for one in renderers().values():
+        if one.package and one.name != MITSUBA:
+            checks += _renderer(one)
+    checks += [_denoiser(), *_confinement()]
     can_render = all(check.ok for check in checks if check.needed)
     shown = _without_passwords(settings)
     if as_json:
@@ -132,16 +129,20 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
     yield Check("workers render with", choice.why, ok=works, needed=True)
 
 
-def _blender() -> Iterator[Check]:
-    if not is_here(_CYCLES):
-        yield Check(_CYCLES, BLENDER_MISSING, ok=False)
+def _renderer(one: RendererFacts) -> Iterator[Check]:
+    """Check a renderer that Plateau does without."""
+    variant = shown_name(f"{one.name}:{one.variants[0].own_name}")
+    if not is_here(variant):
+        yield Check(variant, one.missing, ok=False)
         return
-    tried = probe(_CYCLES, None)
-    yield Check(_CYCLES, f"Blender {release(_CYCLES)}; {tried.detail}", ok=tried.ok)
-    name = "Cycles on GPUs"
+    tried = probe(variant, None)
+    yield Check(variant, f"{one.package} {release(variant)}; {tried.detail}", ok=tried.ok)
+    if not one.devices:
+        return
+    name = f"{one.name} on GPUs"
     try:
         done = subprocess.run(
-            command(_CYCLES, "plateau.worker.renderers.cycles.devices"),
+            command(variant, one.devices),
             capture_output=True,
             text=True,
             timeout=_DEVICES_S,
@@ -149,10 +150,10 @@ def _blender() -> Iterator[Check]:
         )
         found = json.loads(done.stdout.splitlines()[-1])
     except (OSError, subprocess.SubprocessError, ValueError, IndexError) as error:
-        yield Check(name, f"Blender's own search failed: {error}", ok=False)
+        yield Check(name, f"its own search failed: {error}", ok=False)
         return
-    listed = "; ".join(f"cycles:{kind} ({', '.join(names)})" for kind, names in found.items())
-    yield Check(name, listed or "Blender finds no device", ok=bool(found))
+    listed = "; ".join(f"{one.name}:{kind} ({', '.join(names)})" for kind, names in found.items())
+    yield Check(name, listed or "it finds no device", ok=bool(found))
 
 
 def _denoiser() -> Check:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import inspect_bundle
-from plateau.farm.model.renderers import variant_for
+from plateau.farm.model.renderers import renderer_of, variant_for
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
 from plateau.processes.data_folder import DataFolder, is_in_use
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
-from plateau.worker.supervisor.variants import BLENDER_MISSING, choose, is_here
+from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -125,7 +125,8 @@ def _check_variant(variant: str, cache: Path) -> None:
     if variant == "auto":
         return
     if not is_here(variant):
-        raise CommandFailed(f"this machine cannot render with {variant}: {BLENDER_MISSING}")
+        missing = renderer_of(variant).missing
+        raise CommandFailed(f"this machine cannot render with {variant}: {missing}")
     choice = choose(cache)
     if variant in choice.variants:
         return

@@ -2,14 +2,13 @@
 
 The files are found by the same walk with which the farm checks a bundle. They keep their relative
 places: the bundle starts at the folder that contains all of them, so `../textures/wood.png` still
-leads from the scene to its texture. Blender alone knows the files to which one of its own refers: a
-folder with such a file is packed whole.
+leads from the scene to its texture. Of other formats only the renderer knows to which files a
+scene refers: a folder with such a scene is packed whole.
 
 The same scene always has the same bytes, and thus the same SHA-256, so it is stored once.
 """
 
 import os
-import re
 import shutil
 import tempfile
 import zipfile
@@ -22,10 +21,15 @@ from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.blend import SCENE_BLEND
 from plateau.farm.bundle.check import format_of
-from plateau.farm.bundle.entry import SCENE_XML, find_entry, is_blend
-from plateau.farm.bundle.formats import MITSUBA_XML
+from plateau.farm.bundle.entry import find_entry
+from plateau.farm.bundle.formats import (
+    MITSUBA_XML,
+    SceneFormat,
+    format_named,
+    formats,
+    with_suffix,
+)
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, Kind, Parts
 from plateau.farm.bundle.walk import read_scene
@@ -33,12 +37,10 @@ from plateau.farm.bundle.zip_entries import zip_entry
 
 _ZIP = "application/zip"
 #: Files that are already compressed are not deflated.
-_COMPRESSED = frozenset((".blend", ".exr", ".jpg", ".jpeg", ".png", ".serialized", ".vdb"))
+_COMPRESSED = frozenset((".exr", ".jpg", ".jpeg", ".png", ".serialized", ".vdb"))
 #: Entries of at least this many bytes are written in the 64-bit format.
 _ZIP64_BYTES = 2**30
 _COPY_BYTES = 2**20
-#: What Blender calls the versions before of a file.
-_BACKUP = re.compile(r"\.blend[0-9]+")
 _LIMITS = BundleLimits()
 
 
@@ -66,8 +68,8 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     Parameters
     ----------
     path
-        A Mitsuba XML; a folder with a `scene.xml` or a Blender file; or a zip, a Blender file or
-        an analytic scene, which are not changed.
+        A Mitsuba XML; a folder with a `scene.xml` or a scene of another format; or a zip or a
+        file of another format, which are not changed.
     parameters
         Sets of values of the scene's `$parameters`, since these can choose files. The files of all
         sets are packed, as the jobs of a batch need them.
@@ -79,10 +81,13 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         it.
     """
     if path.is_dir():
-        if not (path / SCENE_XML).is_file() and (blend := _blend_of(path)) is not None:
-            return _with_its_folder(blend)
-        path = path / SCENE_XML
-        missing = "there is no such file: a folder with one is a scene, or with a .blend"
+        if not (path / MITSUBA_XML.entry).is_file():
+            for other in with_suffix():
+                if (scene := _only_one(path, other)) is not None:
+                    return _with_its_folder(scene, other)
+        path = path / MITSUBA_XML.entry
+        others = "".join(f", or with a {other.suffix}" for other in with_suffix())
+        missing = f"there is no such file: a folder with one is a scene{others}"
     else:
         missing = "there is no such file; `scenes:box` is a scene to try"
     if not path.is_file():
@@ -116,38 +121,38 @@ def _packed(disk: "_Disk", layout: "_Layout", name: str) -> Packed:
     return Packed(bundle, _ZIP, name, files)
 
 
-def _blend_of(folder: Path) -> Path | None:
-    """Return the Blender file that is a folder's scene; None where there is none."""
-    blends = sorted(path for path in folder.iterdir() if path.suffix.casefold() == ".blend")
-    named = [path for path in blends if path.name == SCENE_BLEND] or blends
-    if len(named) > 1:
+def _only_one(folder: Path, wanted: SceneFormat) -> Path | None:
+    """Return the file of a format that is a folder's scene; None where there is none."""
+    found = sorted(path for path in folder.iterdir() if wanted.is_named(path.parts))
+    found = [path for path in found if path.name == wanted.entry] or found
+    if len(found) > 1:
         raise BundleError(
             "ambiguous-scene",
-            f"{len(named)} files could be the scene ({', '.join(one.name for one in named[:5])}); "
-            f"name the right one {SCENE_BLEND}",
+            f"{len(found)} files could be the scene ({', '.join(one.name for one in found[:5])}); "
+            f"name the right one {wanted.entry}",
             file=str(folder),
         )
-    return named[0] if named else None
+    return found[0] if found else None
 
 
-def _with_its_folder(blend: Path) -> Packed:
-    """Return a Blender file with all that lies in its folder but hidden files and backups."""
+def _with_its_folder(scene: Path, of: SceneFormat) -> Packed:
+    """Return a scene with all that lies in its folder but hidden files and backups."""
     disk = _Disk()
-    entry = disk.parts(blend)
+    entry = disk.parts(scene)
     top = entry[:-1]
     files = [
         disk.parts(path)
         for path in sorted(disk.path(top).rglob("*"))
         if path.is_file()
-        and not _BACKUP.fullmatch(path.suffix)
+        and not (of.left_out and of.left_out.fullmatch(path.suffix))
         and not any(part.startswith(".") for part in path.relative_to(disk.path(top)).parts)
     ]
-    return _packed(disk, _Layout(top, entry, tuple(files), ()), f"{_name(blend)}.zip")
+    return _packed(disk, _Layout(top, entry, tuple(files), ()), f"{_name(scene)}.zip")
 
 
 def _name(path: Path) -> str:
-    """What a scene is called: a ``scene.xml`` or ``scene.blend`` as its folder is."""
-    named_by_folder = path.name in (SCENE_XML, SCENE_BLEND)
+    """What a scene is called: a ``scene.xml`` as its folder is."""
+    named_by_folder = path.name in {one.entry for one in formats()}
     return path.resolve().parent.name if named_by_folder else path.stem
 
 
@@ -228,13 +233,14 @@ def _common(folders: set[Parts]) -> Parts:
 
 def _write(file: BinaryIO, disk: _Disk, layout: _Layout) -> None:
     """Write the archive: names in order, no times, no owners."""
+    compressed = {*_COMPRESSED, *(one.suffix for one in with_suffix() if one.is_compressed)}
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for folder in layout.folders:
             archive.writestr(zip_entry("/".join(layout.inside(folder)) + "/"), b"")
         for parts in layout.files:
             path = disk.path(parts)
             info = zip_entry("/".join(layout.inside(parts)))
-            if path.suffix.lower() not in _COMPRESSED:
+            if path.suffix.lower() not in compressed:
                 info.compress_type = zipfile.ZIP_DEFLATED
             big = path.stat().st_size >= _ZIP64_BYTES
             with path.open("rb") as source, archive.open(info, "w", force_zip64=big) as target:
@@ -251,6 +257,6 @@ def _check_entry(file: BinaryIO, layout: _Layout) -> None:
         raise BundleError(
             "ambiguous-scene",
             f"the farm would take {archive.label(found)} for the scene; rename the scene "
-            f"{SCENE_BLEND if is_blend(expected) else SCENE_XML}",
+            f"{format_named(expected).entry}",
             file=archive.label(expected),
         )

@@ -11,8 +11,7 @@ from plateau import scenes
 from plateau.errors import needs
 from plateau.farm.bundle import BundleError
 
-#: An XML, a Blender file, a zip, a folder, an analytic scene; `scenes:NAME`; or what
-#: `mitsuba.load_dict` takes.
+#: A file, a zip or a folder; `scenes:NAME`; or what `mitsuba.load_dict` takes.
 SceneAtHand: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 
 _PREFIX: Final = "plateau-scene-"

@@ -51,8 +51,8 @@ def render(
     Parameters
     ----------
     scene
-        A Mitsuba XML, a Blender file, a zip, a folder with ``scene.xml`` or a Blender file, an
-        analytic scene; ``scenes:NAME``, an example; or a dict, as ``mitsuba.load_dict`` takes it.
+        A Mitsuba XML, an analytic scene, or a file of another renderer; a zip or a folder of one;
+        ``scenes:NAME``, an example; or a dict, as ``mitsuba.load_dict`` takes it.
         A dict may have bitmaps, tensors, volume grids, numpy and Dr.Jit arrays, transforms and
         meshes.
     spec

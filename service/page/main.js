@@ -1,14 +1,12 @@
 // The router: the path determines the screen, and links between screens load no page.
 
+import { extensions } from "./extensions.js";
 import { forgetKey, hasKey } from "./shared/api_key.js";
 import { byId, h, setAttribute } from "./shared/dom.js";
 import { complain } from "./shared/notices.js";
 import { maySubmit, meetMe } from "./shared/permissions.js";
 import * as job from "./job/job_screen.js";
 import * as jobs from "./jobs/jobs_screen.js";
-import * as observe from "./study/observe_screen.js";
-import * as studies from "./study/studies_screen.js";
-import * as study from "./study/study_screen.js";
 import * as submit from "./submit/submit_screen.js";
 import * as workers from "./workers/workers_screen.js";
 
@@ -22,9 +20,7 @@ const SCREENS = [
   [/^\/submit$/, "submit", submit],
   [/^\/workers$/, "workers", workers],
   [/^\/jobs\/([^/]+)$/, "job", job],
-  [/^\/studies$/, "studies", studies],
-  [/^\/studies\/([^/]+)$/, "study", study],
-  [/^\/studies\/([^/]+)\/observe$/, "observe", observe],
+  ...extensions.flatMap(({ screens }) => screens),
 ];
 
 /** What is shown where no screen is. */
@@ -38,6 +34,10 @@ const NOWHERE = {
       h("a", { class: "button primary", href: "/" }, "Show the jobs")));
   },
 };
+
+for (const href of extensions.flatMap(({ styles }) => styles)) document.head.append(h("link", { rel: "stylesheet", href }));
+byId("screens").append(...extensions.flatMap(({ links }) => links)
+  .map(({ href, screen, text }) => h("a", { href, "data-screen": screen }, text)));
 
 const main = byId("main");
 let leaving = new AbortController();

@@ -46,8 +46,6 @@ NEEDS = {
     "scale slurm --max 1": "farm",
     "webhooks secret": "farm",
 }
-#: Needs the extra `blender`, of 400 MB, which `make test-blender` installs.
-BLENDER = "plateau.worker.renderers.cycles."
 #: What can be imported with each extra: whole packages, and modules.
 BRINGS = {
     "farm": (
@@ -144,14 +142,15 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
     package = sources / "plateau"
     links = {path for path in package.iterdir() if path.is_symlink()}
     assert {path.resolve().name for path in links} == {
-        *("farm", "metric", "scenes", "service", "study", "worker")
+        *("farm", "metric", "scenes", "service", "worker")
     }
     files = {
         path.relative_to(sources).as_posix()
         for top in (package, *links)
         for path in top.rglob("*")
-        # But the types that check the page's scripts, and the manual, which lies elsewhere.
-        if path.is_file() and not path.name.endswith((".d.ts", ".1"))
+        # But the types that check the page's scripts, the manual, which lies elsewhere, and what is
+        # installed in Blender.
+        if path.is_file() and not path.name.endswith((".d.ts", ".1")) and "addon" not in path.parts
     }
     assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
@@ -225,7 +224,7 @@ from pkgutil import walk_packages
 for name in {BRINGS[extra]}:
     found = import_module(f"plateau.{{name}}")
     for module in walk_packages(getattr(found, "__path__", ()), f"{{found.__name__}}."):
-        if not module.name.endswith(".__main__") and {BLENDER!r} not in module.name:
+        if not module.name.endswith(".__main__"):
             import_module(module.name)
 """
     done = run(install(f"[{extra}]") / "python", "-c", program)

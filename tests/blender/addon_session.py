@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-SOURCE = Path(__file__).parents[2] / "deploy" / "blender" / "plateau_farm"
+SOURCE = Path(__file__).parents[2] / "plateau" / "cycles" / "addon" / "plateau_farm"
 #: As Blender calls an extension that was installed from a file.
 ADD_ON = "bl_ext.user_default.plateau_farm"
 PATIENCE_S = 240

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from plateau.cycles.renderer import Renderer
 from plateau.worker.renderers.contract import Load
-from plateau.worker.renderers.cycles.renderer import Renderer
 
 HEIGHTS = (1, 37, 48, 157, 180, 211, 540, 1079, 1080)
 BANDS = 40  #: of each height

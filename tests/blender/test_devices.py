@@ -6,16 +6,16 @@ import sys
 
 import pytest
 
-from plateau.farm.model.renderers import CYCLES, VARIANTS
+from plateau.farm.model.renderers import renderers
 from plateau.worker.renderers.program import command
 from plateau.worker.supervisor.variants import probe
 from tests.blender.conftest import VARIANT
 
-GPUS = [known.own_name for known in VARIANTS.values() if known.renderer == CYCLES and known.on_gpu]
+GPUS = [one.own_name for one in renderers()["cycles"].variants if one.on_gpu]
 
 
 def _found() -> dict[str, list[str]]:
-    searched = command(VARIANT, "plateau.worker.renderers.cycles.devices")
+    searched = command(VARIANT, "plateau.cycles.devices")
     done = subprocess.run(searched, capture_output=True, text=True, check=True)
     found: dict[str, list[str]] = json.loads(done.stdout.splitlines()[-1])
     return found
@@ -38,7 +38,7 @@ def test_doctor_says_what_blender_finds():
     checks = {one["name"]: one for one in json.loads(done.stdout)["checks"]}
     assert checks["cycles:cpu"]["ok"]
     found = _found()
-    said = checks["Cycles on GPUs"]
+    said = checks["cycles on GPUs"]
     assert said["ok"] == bool(found)
     assert all(f"cycles:{kind}" in said["detail"] for kind in found)
-    assert found or said["detail"] == "Blender finds no device"
+    assert found or said["detail"] == "it finds no device"

@@ -22,7 +22,7 @@ def test_doctor_names_the_release_of_the_program():
     checks = {one["name"]: one for one in json.loads(done.stdout)["checks"]}
     assert checks[VARIANT]["ok"]
     release = subprocess.check_output(["blender", "--version"], text=True).split()[1]
-    assert checks[VARIANT]["detail"].startswith(f"Blender {release}; rendered a known image")
+    assert checks[VARIANT]["detail"].startswith(f"bpy {release}; rendered a known image")
 
 
 def test_every_thread_of_the_program_is_confined(blend, tmp_path):

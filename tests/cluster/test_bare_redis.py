@@ -9,6 +9,7 @@ import redis
 
 from plateau.client import Client
 from plateau.farm.wire.views import JobView
+from plateau.study.client import StudyCalls
 from plateau.study.views import Screen
 from tests.cluster.support_bare import (
     BareFarm,
@@ -116,11 +117,11 @@ def test_everything_works_and_nobody_asks_for_more_than_it_may(
         assert client.wait(broken.id, timeout_s=300).state == "failed"
         assert [view.name for view in client.all_batches()] == ["walk"]
         # A study of it, answered
-        study = client.studies.create(job.id, levels=[4, 8])
+        study = StudyCalls(client).create(job.id, levels=[4, 8])
         screen = Screen(viewing_distance_cm=60.0, pixel_pitch_mm=0.25)
-        client.studies.take_part(study.id, "o-1", screen)
-        client.studies.answer(study.id, "o-1", 1, seen=True, seconds=1.0)
-        client.studies.delete(study.id)
+        StudyCalls(client).take_part(study.id, "o-1", screen)
+        StudyCalls(client).answer(study.id, "o-1", 1, seen=True, seconds=1.0)
+        StudyCalls(client).delete(study.id)
         # And all that people look at and do by hand
         receiver.wait_for(3)
         assert client.webhooks(job.id).deliveries

@@ -10,6 +10,7 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from plateau.study.client import StudyCalls
 from plateau.study.model import Screen
 from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.farms.studies import SCREEN, sees
@@ -84,25 +85,27 @@ def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str
 
 def take_study(browser: Browser, farm: RealFarm, *, job: str, reference: str) -> None:
     """Take pictures of a pair of a study, and of what simulated observers have found."""
-    study = farm.client.studies.create(job, reference_job_id=reference, name="Box, by lamp light")
+    study = StudyCalls(farm.client).create(
+        job, reference_job_id=reference, name="Box, by lamp light"
+    )
     threshold = study.levels[len(study.levels) // 2]
     for number in range(OBSERVERS):
         name = f"o-{number + 1}"
-        observer = farm.client.studies.take_part(study.id, name, Screen.model_validate(SCREEN))
+        observer = StudyCalls(farm.client).take_part(study.id, name, Screen.model_validate(SCREEN))
         for trial in observer.trials:
             spp = study.levels[0]
             for side in (trial.left, trial.right):
                 if "levels" in side:
                     spp = int(Path(side).stem)
             seen = sees(name, spp, trial.reference, threshold=threshold, spread=threshold / 5)
-            farm.client.studies.answer(study.id, name, trial.trial, seen=seen, seconds=4.0)
+            StudyCalls(farm.client).answer(study.id, name, trial.trial, seen=seen, seconds=4.0)
     visitor = Visitor(
         browser, farm.url, viewport={"width": 1280, "height": 860}, color_scheme="light"
     )
     page = visitor.page
     page.goto(f"/studies/{study.id}")
     take(page, "study")
-    farm.client.studies.take_part(study.id, "you", Screen.model_validate(SCREEN))
+    StudyCalls(farm.client).take_part(study.id, "you", Screen.model_validate(SCREEN))
     page.set_viewport_size({"width": 900, "height": 480})
     page.goto(f"/studies/{study.id}/observe?as=you")
     page.get_by_role("button", name="Begin").click()

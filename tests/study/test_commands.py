@@ -7,17 +7,20 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.cli import app, meet_extensions
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, WatchedValue
 from plateau.farm.wire import examples
 from plateau.farm.wire.views import JobView
+from plateau.study.client import StudyCalls
 from plateau.study.commands import levels_at_stops
 from plateau.study.model import Screen
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
+
+meet_extensions()
 
 
 def plateau(*arguments: str) -> tuple[int, str, str]:
@@ -49,12 +52,12 @@ def test_a_study_from_the_command_line(
         assert plateau("create", job.id, "--at-stops", *levels)[0] == 2
 
         for name in ("o-1", "o-2", "o-3", "o-4", "o-5"):
-            observer = service.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
+            observer = StudyCalls(service).take_part(study_id, name, Screen.model_validate(SCREEN))
             for trial in observer.trials:
                 test = trial.left if trial.reference == "right" else trial.right
                 spp = int(test.rpartition("/")[2].removesuffix(".png"))
                 seen = sees(name, spp, trial.reference, threshold=40, spread=12)
-                service.studies.answer(study_id, name, trial.trial, seen=seen, seconds=1)
+                StudyCalls(service).answer(study_id, name, trial.trial, seen=seen, seconds=1)
         listed = plateau("list")[1].splitlines()
         assert len(listed) == 3
         row = [study_id, "noise", "constant", "10–80 spp", "5 of 5", "30"]
@@ -75,7 +78,7 @@ def test_a_study_from_the_command_line(
         code, _, said = plateau("export", study_id)
         assert (code, said.count("\n")) == (1, 1)
         with pytest.raises(ApiError, match="there is no study"):
-            service.studies.get(study_id)
+            StudyCalls(service).get(study_id)
 
 
 class TestLevelsAtStops:

@@ -19,6 +19,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.metric import encode_srgb
+from plateau.study import keys as study_keys
 from plateau.study.answers_table import CannotFit, fit_table
 from plateau.study.ledger import Studies, of_study, study_level
 from tests.service.api.access.test_keys import PLENTY
@@ -123,7 +124,7 @@ class TestPictures:
         assert len(farm.store.names(of_study(begun))) == 1
         assert len(farm.store.names(of_study(study["id"]))) == 4
         # And it can no longer be shown once its time is over
-        client.delete(keys.study(begun, "making"))
+        client.delete(study_keys.study(begun, "making"))
         sweep(client, farm.store)
         assert not farm.store.names(of_study(begun))
 
@@ -183,7 +184,7 @@ class TestAnswers:
         take_part(http, study)
         answer(http, study, 3, seen=True)
         # And so on the disk, for a farm's Redis writes its log before it answers
-        assert client.hexists(keys.study(study["id"], "answers"), "o-1:3")
+        assert client.hexists(study_keys.study(study["id"], "answers"), "o-1:3")
 
     def test_are_exported_as_the_paper_s_table(self, http: httpx.Client, job: Job) -> None:
         study = made(http, job, name="BOX 1")
@@ -304,7 +305,7 @@ def test_only_who_made_a_study_removes_it(
     assert http.get(path, headers=looks).status_code == 404
     assert not farm.store.names(of_study(study["id"]))
     assert not client.exists(
-        *(keys.study(study["id"], part) for part in ("", "observers", "answers", "making"))
+        *(study_keys.study(study["id"], part) for part in ("", "observers", "answers", "making"))
     )
     # The same request may be made again, and is a new study
     assert http.post("/v1/studies", json=asked, headers=mine).json()["id"] != study["id"]

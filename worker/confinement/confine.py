@@ -178,8 +178,8 @@ def _program() -> Iterator[Path]:
 def _folders_of(program: Path) -> Iterator[Path]:
     """Yield the folders that a program reads beside the system's libraries.
 
-    A release of Blender is one folder, with the program in it. An installed program has its files
-    in ``share`` and ``lib``, beside its ``bin``.
+    A release may be one folder, with the program in it. An installed program has its files in
+    ``share`` and ``lib``, beside its ``bin``.
     """
     beside = program.parent.parent
     yield from (

@@ -25,19 +25,19 @@ from the byte ``at`` on, until the next request to render. The film of zones has
 values instead, as `Renderer.render` says. The end of the socket's stream is the end
 of the child.
 
-`plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer is a
-package ``plateau.worker.renderers.NAME`` whose module ``renderer`` has such a class, called
-``Renderer``. What the rest of the farm knows of it is in `plateau.farm.model.renderers`.
+`plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer's
+`plateau.farm.model.renderers.RendererFacts` name that class, and have all that the rest of the farm
+knows of it.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
-from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.renderers import renderer_of, variant_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -339,7 +339,6 @@ def check_aovs(asked: Iterable[str], known: Iterable[str]) -> None:
 
 def renderer_for(variant: str, threads: int) -> Renderer:
     """Return the renderer of a variant of `plateau.farm.model.renderers`, imported here and now."""
-    known = variant_named(variant)
-    module = import_module(f"plateau.worker.renderers.{known.renderer}.renderer")
-    renderer: Renderer = module.Renderer(known.own_name, threads)
+    hosted = resolve_name(renderer_of(variant).child)
+    renderer: Renderer = hosted(variant_named(variant).own_name, threads)
     return renderer

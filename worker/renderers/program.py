@@ -1,6 +1,6 @@
-"""A program that brings its own Python and a renderer's package: Blender's.
+"""A program that brings its own Python and a renderer's package.
 
-Where this Python lacks `bpy`, a ``blender`` program on the PATH can run the same modules of Plateau
+Where this Python lacks the package, such a program on the PATH can run the same modules of Plateau
 in its place. Both Pythons have to be of one version, for libraries such as OpenEXR's are compiled
 for one.
 """
@@ -18,11 +18,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, NoReturn
 
-from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.renderers import renderer_of
 
-#: The program that brings a package, by the package's name.
-_PROGRAMS: Final = {"bpy": "blender"}
-_BOOT: Final = Path(__file__).parent / "cycles" / "boot.py"
 #: The longest that a program may take to say its version.
 _VERSION_S: Final = 60.0
 
@@ -32,10 +29,10 @@ def program_of(variant: str) -> Path | None:
 
     In the program itself, this Python has it.
     """
-    package = variant_named(variant).package
-    if package not in _PROGRAMS or find_spec(package) is not None:
+    renderer = renderer_of(variant)
+    if renderer.program is None or find_spec(renderer.package) is not None:
         return None
-    found = shutil.which(_PROGRAMS[package])
+    found = shutil.which(renderer.program.name)
     return None if found is None else Path(found).resolve()
 
 
@@ -43,7 +40,7 @@ def release(variant: str) -> str:
     """Return the version of the package that has a variant's renderer, or of the program."""
     program = program_of(variant)
     if program is None:
-        return version(variant_named(variant).package)
+        return version(renderer_of(variant).package)
     said = ""
     with contextlib.suppress(OSError, subprocess.SubprocessError):
         said = subprocess.check_output([program, "--version"], text=True, timeout=_VERSION_S)
@@ -53,20 +50,12 @@ def release(variant: str) -> str:
 
 def command(variant: str, module: str, arguments: Sequence[str] = ()) -> list[str]:
     """Return the command that runs a module of Plateau where a variant's renderer is."""
-    program = program_of(variant)
-    if program is None:
+    program, brought = program_of(variant), renderer_of(variant).program
+    if program is None or brought is None:
         return [sys.executable, "-s", "-m", module, *arguments]
     return [
         str(program),
-        "--background",
-        "--factory-startup",
-        "--disable-autoexec",
-        "--disable-crash-handler",  # a signal ends it, as it ends Python
-        "-noaudio",
-        "--python-exit-code",
-        "1",
-        "--python",
-        str(_BOOT),
+        *brought.arguments,
         "--",
         sysconfig.get_python_version(),
         *dict.fromkeys((sysconfig.get_path("purelib"), sysconfig.get_path("platlib"))),
@@ -84,6 +73,6 @@ def continue_in(variant: str, module: str) -> NoReturn:
         os.execve(whole[0], whole, {**os.environ, "PATH": os.defpath})
     except OSError as error:
         sys.exit(
-            f"{whole[0]} cannot be started ({error.strerror}): it has to be Blender's program "
-            "itself, not a script that starts it"
+            f"{whole[0]} cannot be started ({error.strerror}): it has to be the program itself, "
+            "not a script that starts it"
         )

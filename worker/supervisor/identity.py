@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from plateau.farm.model import versions
-from plateau.farm.model.renderers import VARIANTS
+from plateau.farm.model.renderers import renderers, variants
 from plateau.worker.confinement import landlock
 from plateau.worker.renderers.program import program_of
 
-_PACKAGES: Final = ("mitsuba", "drjit", "numpy")
+_PACKAGES: Final = ("drjit", "numpy")
 #: Of the C library, whose functions scalar variants call.
 _C_LIBRARY: Final = ("/libc.so", "/libm.so")
 
@@ -30,7 +30,11 @@ def of(libraries: Iterable[str]) -> dict[str, Any]:
     return {
         "plateau": versions.plateau(),
         **{name: version(name) for name in _PACKAGES},
-        "bpy": version("bpy") if find_spec("bpy") else None,
+        **{
+            one.package: version(one.package) if find_spec(one.package) else None
+            for one in renderers().values()
+            if one.package
+        },
         "cpu": cpu(),
         "cpu flags": hashlib.sha256(_cpuinfo("flags").encode()).hexdigest(),
         "landlock": landlock.abi(),
@@ -81,7 +85,7 @@ def _cpuinfo(field: str) -> str:
 
 def _programs() -> set[str]:
     """Return the programs that bring renderers."""
-    return {str(program) for variant in VARIANTS if (program := program_of(variant))}
+    return {str(program) for variant in variants() if (program := program_of(variant))}
 
 
 def _mapped() -> set[str]:

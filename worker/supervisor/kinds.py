@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plateau.farm.model import versions
-from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.renderers import renderer_of, variant_named
 from plateau.worker.renderers.program import release
 from plateau.worker.supervisor import identity
 from plateau.worker.supervisor.variants import SCALAR, Probe, VariantChoice, probe
@@ -103,5 +103,5 @@ class Kinds:
 @once
 def _release(variant: str) -> str:
     """The name and version of a variant's renderer, which may be a part of Plateau."""
-    known = variant_named(variant)
-    return f"{known.renderer} {release(variant) if known.package else versions.plateau()}"
+    known = renderer_of(variant)
+    return f"{known.name} {release(variant) if known.package else versions.plateau()}"

@@ -3,8 +3,8 @@
 Dr.Jit loads its backends from the system: CUDA from the driver, LLVM from an installed library.
 Some libraries are refused, and some abort the process during a render (LLVM 15 and 16 do on recent
 CPUs). So each candidate renders a small image in a process of its own, in the order CUDA, then each
-LLVM from the newest down, then ``scalar_rgb``, which needs no library. Where Blender and the
-driver of a GPU are there, the devices of Cycles are tried as well.
+LLVM from the newest down, then ``scalar_rgb``, which needs no library. The variants of other
+renderers are tried as well, where their package is here, and the driver that they need.
 """
 
 from __future__ import annotations
@@ -19,35 +19,17 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from itertools import filterfalse, takewhile
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from plateau.farm.model.renderers import (
-    CYCLES,
-    MITSUBA,
-    VARIANTS,
-    VariantFacts,
-    variant_named,
-)
+from plateau.farm.model import renderers
+from plateau.farm.model.renderers import MITSUBA, VariantFacts, renderer_of, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.farm.process.scratch import scratch
 from plateau.worker.renderers.program import program_of
 from plateau.worker.supervisor import gpus, identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
-#: The library of a driver without which no variant of Cycles can work, by the device's name.
-_DRIVERS: Final = {
-    "optix": "libcuda.so",
-    "cuda": "libcuda.so",
-    "hip": "libamdhip64.so",
-    "oneapi": "libze_loader.so",
-}
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
-
-#: Why there are no variants of Cycles.
-BLENDER_MISSING: Final = (
-    "Blender is not here; pip install 'plateau[blender]' (Python 3.11 or 3.13), or put a blender "
-    "program on the PATH that has this version of Python"
-)
 
 #: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
 _PROBE_TIMEOUT_S = 120.0
@@ -98,11 +80,11 @@ class VariantChoice:
         working = [probe.variant for probe in self.tried if probe.ok]
         everywhere = [
             name
-            for name, known in VARIANTS.items()
+            for name, known in renderers.variants().items()
             if known.works_everywhere and is_installed(name)
         ]
         backends = {variant_named(one).backend for one in working}
-        alike = (name for name, known in VARIANTS.items() if known.backend in backends)
+        alike = (name for name, known in renderers.variants().items() if known.backend in backends)
         return tuple(dict.fromkeys((*working, *everywhere, *alike)))
 
     def like(self, variant: str) -> tuple[str, ...]:
@@ -113,7 +95,7 @@ class VariantChoice:
 
 def is_installed(variant: str) -> bool:
     """Return whether the package that has a variant's renderer is there; it is not imported."""
-    package = variant_named(variant).package
+    package = renderer_of(variant).package
     return not package or find_spec(package) is not None
 
 
@@ -199,26 +181,25 @@ def _candidates() -> list[tuple[str, str | None]]:
     """Return (variant, LLVM library) in the order of trial."""
     cuda = [(CUDA, None)] if gpus.cuda_driver() is not None else []
     llvm = ((LLVM, str(path)) for path in llvm_libraries())
-    return [*cuda, *llvm, (SCALAR, None), *((one, None) for one in _of_cycles())]
+    return [*cuda, *llvm, (SCALAR, None), *((one, None) for one in _of_others())]
 
 
-def _of_cycles() -> list[str]:
-    """Return the variants of Cycles that may work here: Blender is there, and a driver.
+def _of_others() -> list[str]:
+    """Return the variants of other renderers that may work here, and have to be tried.
 
-    Blender's package works everywhere on the processor; a program may be of any version.
+    What works everywhere is tried where a program brings it, which may be of any version.
     """
     names = [name for name, _ in system_libraries()]
 
     def may_work(variant: str, known: VariantFacts) -> bool:
-        if not known.on_gpu:
+        if known.works_everywhere:
             return not is_installed(variant)
-        driver = _DRIVERS[known.own_name]
-        return any(name.startswith(driver) for name in names)
+        return any(name.startswith(known.driver) for name in names)
 
     return [
         variant
-        for variant, known in VARIANTS.items()
-        if known.renderer == CYCLES and is_here(variant) and may_work(variant, known)
+        for variant, known in renderers.variants().items()
+        if known.renderer != MITSUBA and is_here(variant) and may_work(variant, known)
     ]
 
 
@@ -229,7 +210,7 @@ def _is_of_mitsuba(one: Probe) -> bool:
 def _try(candidates: list[tuple[str, str | None]], every: bool) -> tuple[Probe, ...]:
     tried: list[Probe] = []
     for variant, library in candidates:
-        # One variant of Mitsuba is enough, and every device of Cycles is offered.
+        # One variant of Mitsuba is enough, and every one of other renderers is offered.
         is_enough = any(map(_is_of_mitsuba, filter(lambda one: one.ok, tried))) and not every
         if not (is_enough and variant_named(variant).renderer == MITSUBA):
             tried.append(probe(variant, library))

@@ -1,9 +1,10 @@
 """How an image is sampled, judged and stopped, whatever the parameters of its scene are."""
 
 import json
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticKnownError
 
 from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
@@ -21,11 +22,31 @@ from plateau.rules import MOST_SPP, SlopeLimit
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
-_FROM_FULL_NAME: Final = BeforeValidator(
-    lambda name: renderers.shown_name(name) if isinstance(name, str) else name
-)
-RenderVariant = Annotated[renderers.RenderVariant, _FROM_FULL_NAME]
-Variant = Annotated[renderers.AnyVariant, _FROM_FULL_NAME]
+
+
+def _known_variant(name: str, *more: str) -> str:
+    """Return a variant's stored and shown name, or one of `more`."""
+    shown, known = renderers.shown_name(name), [*more, *renderers.variants()]
+    if shown in known:
+        return shown
+    *others, last = map(repr, known)
+    raise PydanticKnownError("literal_error", {"expected": f"{', '.join(others)} or {last}"})
+
+
+def _list_variants(schema: dict[str, Any], *more: str) -> None:
+    schema["enum"] = [*more, *renderers.variants()]
+
+
+#: A variant of an installed renderer, by its stored and shown name.
+RenderVariant = Annotated[
+    str, AfterValidator(_known_variant), Field(json_schema_extra=_list_variants)
+]
+#: One that a job may ask for.
+Variant = Annotated[
+    str,
+    AfterValidator(lambda name: _known_variant(name, renderers.AUTO)),
+    Field(json_schema_extra=lambda schema: _list_variants(schema, renderers.AUTO)),
+]
 
 #: The longest time limit: a year.
 MOST_S: Final = 366 * 86_400
@@ -206,9 +227,10 @@ class SharedSpec(Strict):
         return self
 
     def _check_zones(self) -> None:
-        if self.variant != "auto" and not renderers.variant_named(self.variant).renders_zones:
+        variant = self.variant
+        if variant != renderers.AUTO and not renderers.variant_named(variant).renders_zones:
             raise ValueError(
-                f"{self.variant} renders whole films alone: choose the allocation frame, or "
+                f"{variant} renders whole films alone: choose the allocation frame, or "
                 "another variant"
             )
 

@@ -39,14 +39,17 @@ class StaticFile:
 
 def read_folder(folder: Path) -> dict[str, StaticFile]:
     """The folder's files by their relative paths; only those of known media types."""
-    found = {}
-    for path in folder.rglob("*"):
-        media_type = _MEDIA_TYPES.get(path.suffix)
-        if media_type is not None:
-            content = path.read_bytes()
-            tag = strong(hashlib.sha256(content).hexdigest()[:16])
-            found[path.relative_to(folder).as_posix()] = StaticFile(content, media_type, tag)
-    return found
+    return {
+        path.relative_to(folder).as_posix(): static_file(path.read_bytes(), path.suffix)
+        for path in folder.rglob("*")
+        if path.suffix in _MEDIA_TYPES
+    }
+
+
+def static_file(content: bytes, suffix: str) -> StaticFile:
+    """Return a file of this content, and of the media type that goes with the suffix."""
+    tag = strong(hashlib.sha256(content).hexdigest()[:16])
+    return StaticFile(content, _MEDIA_TYPES[suffix], tag)
 
 
 #: The base of a page's policy: it runs its own scripts and talks to this API only.

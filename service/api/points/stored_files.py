@@ -30,7 +30,7 @@ class SpoiledBlob(Exception):
 
 
 class StoredFiles:
-    """The files of jobs and studies, verified."""
+    """The files of jobs, verified."""
 
     def __init__(self, store: Blobs, jobs: Jobs) -> None:
         self._blobs = store

@@ -43,7 +43,6 @@ NO_KEY: Final = ProblemType("no-key", 401, "API key required")
 BAD_KEY: Final = ProblemType("bad-key", 401, "Invalid API key")
 ROLE_TOO_LOW: Final = ProblemType("role-too-low", 403, "Insufficient role")
 NOT_YOUR_JOB: Final = ProblemType("not-your-job", 403, "Job of another key")
-NOT_YOUR_STUDY: Final = ProblemType("not-your-study", 403, "Study of another key")
 UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "Not found")
 UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "Unknown job")
 UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "Unknown worker")
@@ -53,16 +52,12 @@ NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "Image not available")
 UNKNOWN_POINT: Final = ProblemType("unknown-point", 404, "Unknown point of the curve")
 UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "Slice not stored")
 UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "Unknown webhook delivery")
-UNKNOWN_STUDY: Final = ProblemType("unknown-study", 404, "Unknown study")
-UNKNOWN_OBSERVER: Final = ProblemType("unknown-observer", 404, "Unknown observer")
-UNKNOWN_TRIAL: Final = ProblemType("unknown-trial", 404, "Unknown trial")
 METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Method not allowed")
 NOT_ACCEPTABLE: Final = ProblemType("not-acceptable", 406, "Not acceptable")
 CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "Job already ended")
 CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "Job not rendering")
 CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "Job not paused")
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "Image cannot be reproduced")
-CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "Study cannot be created")
 UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "Job conflicts with the flicker guard")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools, tags and blocked workers"
@@ -91,6 +86,14 @@ STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or blob 
 TYPES: Final[dict[str, ProblemType]] = {
     value.slug: value for value in tuple(globals().values()) if isinstance(value, ProblemType)
 }
+
+
+def of_extension(slug: str, status: int, title: str, example: str) -> ProblemType:
+    """Return a type of an extension's, which is listed with all others."""
+    TYPES[slug] = ProblemType(slug, status, title)
+    examples.PROBLEM_DETAILS[slug] = example
+    return TYPES[slug]
+
 
 _SCHEMA: Final = {"$ref": "#/components/schemas/ProblemDetails"}
 

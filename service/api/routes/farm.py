@@ -1,5 +1,6 @@
 """Routes for the farm itself: workers, scenes, rules, health, and the meaning of problem types."""
 
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -7,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, RootModel
 from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
+from plateau.farm.bundle.formats import formats
 from plateau.farm.ledger.api_keys import KeyLimits, Role
 from plateau.farm.model.place_names import PlaceName
 from plateau.farm.model.spec import JobSpec, RenderVariant
@@ -118,6 +120,7 @@ def list_scenes(farm: Farm) -> Scenes:
     return Scenes(
         scenes=[SceneView(**scene) for scene in farm.scenes.all()],
         roots=[root.name for root in farm.placing.roots],
+        formats={PurePosixPath(one.entry).suffix: one.called for one in formats()},
     )
 
 

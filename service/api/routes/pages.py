@@ -11,8 +11,15 @@ from typing import Final
 
 from fastapi import APIRouter, Response
 
+from plateau.extensions import extensions
 from plateau.service.api.http.etags import IfNoneMatch, Known
-from plateau.service.api.http.static_files import OWN_ONLY, StaticFile, read_folder, serve
+from plateau.service.api.http.static_files import (
+    OWN_ONLY,
+    StaticFile,
+    read_folder,
+    serve,
+    static_file,
+)
 
 router = APIRouter(include_in_schema=False)
 
@@ -34,9 +41,6 @@ _DOCS_POLICY: Final = {**OWN_ONLY, "style-src": "'self' 'unsafe-inline'", "img-s
 @router.get("/submit")
 @router.get("/workers")
 @router.get("/jobs/{job_id}")
-@router.get("/studies")
-@router.get("/studies/{study_id}")
-@router.get("/studies/{study_id}/observe")
 def page(has: IfNoneMatch) -> Response:
     """Show the web page, which chooses its screen by the path."""
     return serve(_page_files(), "index.html", has, _PAGE_POLICY)
@@ -69,7 +73,17 @@ def docs_file(name: str, has: IfNoneMatch) -> Response:
 
 @cache
 def _page_files() -> dict[str, StaticFile]:
-    return read_folder(_SERVICE / "page")
+    """The page's files, and those of extensions in folders of their own."""
+    found = read_folder(_SERVICE / "page")
+    names = []
+    for extension in extensions("page"):
+        name = extension.__name__.split(".")[-2]
+        theirs = read_folder(Path(extension.__path__[0]))
+        found |= {f"{name}/{path}": file for path, file in theirs.items()}
+        names.append(name)
+    imports = "".join(f'import * as {one} from "/page/{one}/extension.js";\n' for one in names)
+    listed = f"{imports}export const extensions = [{', '.join(names)}];\n"
+    return found | {"extensions.js": static_file(listed.encode(), ".js")}
 
 
 @cache

@@ -13,7 +13,7 @@ from starlette.datastructures import UploadFile
 
 from plateau.farm.blobs import store as blob_names
 from plateau.farm.bundle import BundleError
-from plateau.farm.bundle.entry import SCENE_XML
+from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.service.api.parts import Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem
@@ -34,7 +34,7 @@ class ScenePath:
     def name(self) -> str:
         """What the scene is called: a ``scene.xml`` as its folder is."""
         *folders, last = re.split(r"[/\\]", self.text.rstrip("/\\"))
-        return folders[-1] if folders and last == SCENE_XML else last
+        return folders[-1] if folders and last == MITSUBA_XML.entry else last
 
 
 #: An upload, the name of a scene in a scene root, or the SHA-256 of a stored scene.

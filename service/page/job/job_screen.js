@@ -1,5 +1,6 @@
 // A job: is it there yet, what does it look like, and why did it stop?
 
+import { extensions } from "../extensions.js";
 import { follow, get, isProblem } from "../shared/api.js";
 import { unblock } from "../shared/blocked_workers.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
@@ -12,7 +13,6 @@ import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
-import { studyButton } from "../study/make_study_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
 import { Failure } from "./failure.js";
@@ -116,7 +116,7 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${deletions(job)} ${maySteer(job)} ${maySubmit()}`;
     if (kind !== shown) {
       shown = kind;
-      const buttons = [againLink(job), studyButton(job, go)].filter((one) => one !== null);
+      const buttons = [againLink(job), ...extensions.flatMap((one) => one.jobButtons).map((make) => make(job, go))].filter((one) => one !== null);
       actions.replaceChildren(...buttons, ...controls(() => newest, look),
         ...deletionButtons(deletions(job), (what) => deleteOrRestore([newest], what, look)));
     }

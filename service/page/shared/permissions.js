@@ -25,7 +25,7 @@ export function maySubmit() {
 }
 
 /**
- * Whether a job or a study may be changed: one's own, or all as admin.
+ * Whether something may be changed: one's own, or all as admin.
  * @param {{ owner: string | null }} thing
  */
 export function maySteer(thing) {

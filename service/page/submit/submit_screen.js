@@ -2,7 +2,7 @@
 
 import { get, isAbort, isProblem, Problem, send, upload } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
-import { bytes, several, share } from "../shared/figures.js";
+import { bytes, sentence, several, share } from "../shared/figures.js";
 import { blame, Field, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
@@ -16,6 +16,8 @@ import { SpecForm } from "./spec_form.js";
 
 /** @import { ScreenContext } from "../main.js" */
 
+const ANY_SCENE = "A scene, or a zip of one with its meshes and textures.";
+
 /**
  * @param {HTMLElement} main
  * @param {ScreenContext} context
@@ -24,7 +26,7 @@ export async function open(main, { signal, go }) {
   document.title = "Submit a scene · Plateau";
   const waiting = h("div", { class: "submit" }, h("h1", {}, "Submit a scene"));
   main.append(waiting);
-  const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [], roots: [] }));
+  const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [], roots: [], formats: {} }));
   try {
     await Promise.all([meetRules(signal), metMe]);
     if (!maySubmit()) {
@@ -66,14 +68,14 @@ class Submission {
   /** @type {SpecForm} */
   #spec;
 
-  #picker = h("input", { type: "file", accept: ".zip,.xml,.blend,application/zip,text/xml", id: "scene-file", class: "unseen",
+  #picker = h("input", { type: "file", id: "scene-file", class: "unseen",
     onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
   #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => { this.#takeStored(); } }, h("option", { value: "" }, "or take one that is stored…"));
   #placed = h("input", { class: "placed", "aria-label": "A scene in a scene root", hidden: true, maxlength: 4096, spellcheck: false, autocomplete: "off",
     onchange: () => { this.#takePlaced(); },
     onkeydown: (event) => { if (event.key === "Enter") { event.preventDefault(); this.#placed.blur(); } } });
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
-  #said = h("p", { class: "drop-said" }, "A Mitsuba XML or a Blender file, or a zip of one with its meshes and textures");
+  #said = h("p", { class: "drop-said" }, ANY_SCENE);
   #wrong = h("p", { class: "bad wrong", role: "alert", tabindex: -1, hidden: true });
   #summary = h("dl", { class: "found" });
   #parameterBox = h("fieldset", { hidden: true });
@@ -134,7 +136,12 @@ class Submission {
 
   /** @param {Promise<Api.Scenes>} stored */
   async #listStored(stored) {
-    const { scenes, roots } = await stored;
+    const { scenes, roots, formats } = await stored;
+    const suffixes = Object.keys(formats ?? {});
+    if (suffixes.length) this.#picker.accept = [".zip", ...suffixes].join();
+    if (suffixes.length && this.#said.textContent === ANY_SCENE) {
+      setText(this.#said, sentence(`${Object.values(formats ?? {}).join(", ")}, or a zip of one with its meshes and textures`));
+    }
     this.#placed.hidden = !roots?.length;
     this.#placed.placeholder = `or name one where it lies, as {${roots?.[0]}}/shots/walk/scene.xml`;
     this.#stored.hidden = !scenes.length;

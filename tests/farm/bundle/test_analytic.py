@@ -8,9 +8,9 @@ import pytest
 
 from plateau.farm.bundle import CODES, BundleError, inspect_bundle, unpack_bundle
 from plateau.farm.bundle.analytic import AnalyticScene, read_analytic_scene
-from plateau.farm.bundle.formats import FORMATS
+from plateau.farm.bundle.formats import formats
 from plateau.farm.bundle.limits import BundleLimits
-from plateau.farm.model.renderers import VARIANTS
+from plateau.farm.model.renderers import renderers
 
 
 def _file(**fields: Any) -> io.BytesIO:
@@ -18,7 +18,7 @@ def _file(**fields: Any) -> io.BytesIO:
 
 
 def test_every_renderer_has_a_format() -> None:
-    assert {one.renderer for one in FORMATS} == {one.renderer for one in VARIANTS.values()}
+    assert [one.renderer for one in formats()] == list(renderers())
 
 
 def test_a_scene_says_its_size_and_its_parameters() -> None:

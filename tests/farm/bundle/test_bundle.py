@@ -315,7 +315,7 @@ BAD = [
     Bad("empty", io.BytesIO(), "upload is empty"),
     Bad("empty", zipped({}), "no files"),
     Bad("too-large", xml(), "bytes; 10 are allowed", kwargs=limits(max_bytes=10)),
-    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), "neither XML nor a Blender file nor a zip"),
+    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), "nor an analytic scene nor"),
     Bad("not-a-scene", io.BytesIO(b"<shape/>"), "<shape>, not <scene>", "scene.xml", 1),
     Bad("not-a-scene", zipped(MESH), "no scene: an"),
     Bad("not-a-scene", zipped({"a.xml": b"<bsdf/>", "b.xml": b"oops"}), "no scene: an"),

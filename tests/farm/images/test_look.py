@@ -43,7 +43,7 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
     again = Look.from_text(look.as_text())
     assert (again.gain, again.table.tobytes()) == (0.5, look.table.tobytes())
     film = np.concatenate([image, np.ones((40, 30, 1), np.float32)], axis=-1)
-    about = {"job_id": "j", "spp": 1, "variant": "cycles:cpu", "scene_sha256": "0" * 64}
+    about = {"job_id": "j", "spp": 1, "variant": "analytic:numpy", "scene_sha256": "0" * 64}
     merge = Merge(slice_spp=1)
     for index in range(2):
         partial = Partial(

@@ -89,7 +89,7 @@ def test_an_image_says_what_its_ids_are():
             first_seed=0,
             last_seed=0,
             spp=4,
-            variant="cycles:cpu",
+            variant="analytic:numpy",
             scene_sha256="0" * 64,
             pixels=film([(BALL, 4)]),
             channels=CHANNELS,

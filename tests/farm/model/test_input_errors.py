@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from plateau.farm.model import input_errors
+from plateau.farm.model.renderers import variants
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.process.settings import Settings
 
@@ -25,6 +26,7 @@ def _told(spec: dict[str, Any]) -> dict[str, str]:
 
 
 PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+VARIANTS = tuple(variants())
 RULES = "fixed, successive, multiple, reverse, myszkowski, visible or jod"
 
 #: Values that few fields can have.
@@ -51,14 +53,7 @@ WRONG: tuple[Any, ...] = (
         (
             "variant",
             "cuda",
-            (
-                "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, "
-                "cycles:cpu, cycles:optix, cycles:cuda, cycles:hip, cycles:oneapi, "
-                "scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, "
-                "llvm_ad_mono_polarized, llvm_ad_spectral, llvm_ad_spectral_polarized, "
-                "cuda_ad_mono, cuda_ad_mono_polarized, cuda_ad_spectral or "
-                "cuda_ad_spectral_polarized"
-            ),
+            f"must be auto, {', '.join(VARIANTS[:-1])} or {VARIANTS[-1]}",
         ),
         ("pool", "a b", input_errors.PATTERNS[PLACE]),
         ("requires", ("a",) * 17, "must have at most 16 entries"),

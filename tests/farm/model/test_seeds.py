@@ -15,7 +15,7 @@ from plateau.farm.model.passes import (
     passes_in_parts,
     single_call_passes,
 )
-from plateau.farm.model.seeds import SEQUENCE_SAMPLES, SeedSchedule, SeedsExhausted
+from plateau.farm.model.seeds import SeedSchedule, SeedsExhausted
 
 SIDES = st.integers(1, 700)
 
@@ -140,27 +140,6 @@ def test_jit_seeds_do_not_depend_on_the_cap():
     assert short.passes(3) == long.passes(3)
 
 
-def test_slices_of_each_half_follow_each_other_in_a_sequence_of_their_own():
-    schedule = SeedSchedule("cycles:cpu", 640, 480, 100, 10_000, job_seed=3)
-    ranges = [schedule.seed_range(index) for index in range(100)]
-    for half in (0, 1):
-        places = ranges[half::2]
-        assert places[0].first == (2 * 3 + half) * SEQUENCE_SAMPLES
-        assert all(b.first == a.last + 1 for a, b in pairwise(places))
-        assert places[-1].last - places[0].first == 5_000 - 1
-    # A pass begins with the sample after the one before it
-    assert schedule.passes(4) == ((50, ranges[4].first), (50, ranges[4].first + 50))
-    # Neither the cap nor the film's size changes a sample
-    assert SeedSchedule("cycles:cpu", 8, 8, 100, 500, job_seed=3).passes(4) == schedule.passes(4)
-
-
-def test_sequences_of_all_jobs_are_disjoint():
-    last = SeedSchedule("cycles:cpu", 64, 64, 1, 1_000_000, 4095).seed_range(999_999)
-    assert last.last < 2**32
-    before = SeedSchedule("cycles:cpu", 64, 64, 1, 1_000_000, 4094).seed_range(999_999)
-    assert before.last < SeedSchedule("cycles:cpu", 64, 64, 1, 100, 4095).seed_range(0).first
-
-
 def test_scalar_passes_repeat_no_distance():
     # Distances that repeat would add up PCG32's faint correlations (see the module's docstring).
     # Of consecutive seeds, 63 pairs of these would be one apart.
@@ -203,8 +182,6 @@ def test_scarce_scalar_seeds_make_passes_larger():
         (("llvm_ad_rgb", 512, 512, 25, 10_000, 4096), r"0 to 4095 fit$"),
         (("llvm_ad_rgb", 512, 512, 1, 2**20 + 1), r"take 1048577 passes.*raise slice_spp"),
         (("scalar_rgb", 2**16, 2**16, 1, 2), r"take 2 passes.*for 1"),
-        (("cycles:cpu", 64, 64, 600_000, 600_000), r"two sequences of 524288 samples.*lower max"),
-        (("cycles:cpu", 64, 64, 25, 100, 0, 512), r"whole films alone.*the allocation frame$"),
     ],
 )
 def test_a_job_that_would_run_out_of_seeds_is_refused_with_a_way_out(arguments, says):

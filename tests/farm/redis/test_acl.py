@@ -142,8 +142,6 @@ WITHHELD = [
     *(("set", f"plateau:key:{JOB}:rate", "0"), ("zrange", keys.jobs_of_key(JOB), 0, -1)),
     *(("set", keys.job(JOB, "owner"), "9"), ("incr", keys.job(JOB, "fence"))),
     *(("xadd", keys.job(JOB, "curve"), "*", "point", "{}"), ("del", keys.job(JOB, "tries"))),
-    *(("zrange", keys.STUDIES, 0, -1), ("hgetall", keys.study(JOB))),
-    ("hset", keys.study(JOB, "answers"), "a", "b"),
     *(("zrange", keys.BATCHES, 0, -1), ("zadd", keys.batch("walk"), 1, JOB)),
     *(("hgetall", keys.SCENES), ("get", "plateau:idempotency:x"), ("zrange", keys.JOBS, 0, -1)),
     *(("zrange", keys.MONITORS, 0, -1), ("hgetall", keys.monitor("m"))),

@@ -10,9 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.cli import app, meet_extensions
 from plateau.client import Client
 from plateau.farm.model.job import Job
+from plateau.study.client import StudyCalls
 from plateau.study.model import Screen
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
@@ -20,6 +21,9 @@ from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
 from tests.support.long_tests import rare
+
+meet_extensions()
+
 
 #: The simulated observers see a difference in half of the pairs here, and less often beyond.
 THRESHOLD, SPREAD = 1300.0, 250.0
@@ -49,15 +53,15 @@ def answers(observer: str, shown: dict[str, Any]) -> bool:
 
 def observe(client: Client, study_id: str, name: str) -> None:
     """Take part as the page does, without one."""
-    observer = client.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
+    observer = StudyCalls(client).take_part(study_id, name, Screen.model_validate(SCREEN))
     for trial in observer.trials:
         seen = answers(name, trial.model_dump())
-        client.studies.answer(study_id, name, trial.trial, seen=seen, seconds=1.0)
+        StudyCalls(client).answer(study_id, name, trial.trial, seen=seen, seconds=1.0)
 
 
 def look_at(page: Page, client: Client, study_id: str, name: str, trials: range) -> None:
     """Answer to these pairs by the keyboard and the mouse in turn."""
-    observer = client.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
+    observer = StudyCalls(client).take_part(study_id, name, Screen.model_validate(SCREEN))
     yes, no = page.get_by_role("button", name="I see"), page.get_by_role("button", name="I don't")
     for number in trials:
         expect(page.locator(".pair-count")).to_have_text(f"{number + 1} of {len(observer.trials)}")
@@ -87,7 +91,7 @@ def test_a_known_threshold_comes_back(
     page.get_by_label("Reference", exact=True).select_option(reference.id)
     page.get_by_role("button", name="Make the study").click()
     expect(page.get_by_role("heading", name="BOX 1")).to_be_visible()
-    [study] = api.studies.all()
+    [study] = StudyCalls(api).all()
     assert study.levels == (100, 500, 900, 1300, 1700, 2100, 2500)
     assert (study.reference_spp, study.independent) == (10_000, True)
 
@@ -105,7 +109,7 @@ def test_a_known_threshold_comes_back(
     page.get_by_role("button", name="Begin").click()
 
     # Then two pictures are shown, pixel by pixel, and the first answers are given
-    [first, *_] = api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).trials
+    [first, *_] = StudyCalls(api).take_part(study.id, "o-1", Screen.model_validate(SCREEN)).trials
     left, right = (page.get_by_alt_text(f"The {side} picture") for side in ("left", "right"))
     expect(left).to_be_visible()
     for shown, path in ((left, first.left), (right, first.right)):
@@ -132,7 +136,7 @@ def test_a_known_threshold_comes_back(
     page.goto(f"/studies/{study.id}")
     expect(page.get_by_role("heading", name="12 observers finished · 168 answers")).to_be_visible()
     expect(page.locator(".study-plot .dot")).to_have_count(7)
-    half, _ = api.studies.get(study.id).result.thresholds
+    half, _ = StudyCalls(api).get(study.id).result.thresholds
     expect(page.locator(".threshold").first).to_contain_text(f"{half.spp:,.0f} spp")
 
     trials, plot = tmp_path / "trials.csv", tmp_path / "fit.png"
@@ -147,9 +151,9 @@ def test_a_known_threshold_comes_back(
     assert found["threshold_spp"]["0.5"] == pytest.approx(half.spp)
     assert plot.stat().st_size > 10_000
     # The screen was kept with the answers
-    assert api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).screen == Screen(
-        viewing_distance_cm=70.0, pixel_pitch_mm=0.2, gamma_matches=True
-    )
+    assert StudyCalls(api).take_part(
+        study.id, "o-1", Screen.model_validate(SCREEN)
+    ).screen == Screen(viewing_distance_cm=70.0, pixel_pitch_mm=0.2, gamma_matches=True)
 
 
 def test_making_one_says_how_long_it_takes(visit: Visit, job: Job, reference: Job) -> None:
@@ -166,15 +170,17 @@ def test_making_one_says_how_long_it_takes(visit: Visit, job: Job, reference: Jo
 
 
 def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job) -> None:
-    study = api.studies.create(job.id, method="limits", levels=[100, 500, 1000, 1500, 2000, 2500])
+    study = StudyCalls(api).create(
+        job.id, method="limits", levels=[100, 500, 1000, 1500, 2000, 2500]
+    )
     for name in ("o-1", "o-2"):
         observe(api, study.id, name)
     page = visit(f"/studies/{study.id}").page
     expect(page.get_by_text("The reference contains the samples")).to_be_visible()
-    suggested = api.studies.get(study.id).result.suggested_levels
+    suggested = StudyCalls(api).get(study.id).result.suggested_levels
     page.get_by_role("button", name="Make the second stage").click()
     expect(page.get_by_text("constant stimuli")).to_be_visible()
-    [second, _] = api.studies.all()
+    [second, _] = StudyCalls(api).all()
     assert (second.method, second.levels) == ("constant", tuple(suggested))
     # What is done with can be deleted
     page.get_by_role("button", name="Delete").click()
@@ -185,8 +191,8 @@ def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job
 
 
 def test_pictures_that_do_not_fit_are_not_made_smaller(visit: Visit, api: Client, job: Job) -> None:
-    study = api.studies.create(job.id)
-    api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN))
+    study = StudyCalls(api).create(job.id)
+    StudyCalls(api).take_part(study.id, "o-1", Screen.model_validate(SCREEN))
     options = {"viewport": {"width": 120, "height": 740}}
     page = visit(f"/studies/{study.id}/observe?as=o-1", **options).page
     expect(page.get_by_text("Both pictures side by side need a window of")).to_be_visible()
@@ -197,7 +203,7 @@ def test_pictures_that_do_not_fit_are_not_made_smaller(visit: Visit, api: Client
 
 @pytest.mark.parametrize("scheme", ["light", *rare("dark")])
 def test_anybody_can_take_part(visit: Visit, api: Client, job: Job, scheme: str) -> None:
-    study = api.studies.create(job.id)
+    study = StudyCalls(api).create(job.id)
     for name in ("o-1", "o-2"):
         observe(api, study.id, name)
     page = visit(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce").page

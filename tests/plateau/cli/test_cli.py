@@ -206,7 +206,7 @@ class TestOptions:
             (["--rule", "fixed", "--window", "3"], "--window is not an option of the rule fixed"),
             (
                 ["--variant", "cuda"],
-                "--variant: must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, ",
+                "--variant: must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, scalar_spectral, ",
             ),
             (
                 ["--aov", "fog"],

@@ -17,7 +17,7 @@ from plateau.cli import complete
 from plateau.cli.bash_completion import joined
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.renderers import VARIANTS
+from plateau.farm.model.renderers import variants
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.support.farms.staged_job import StagedJob
@@ -110,7 +110,7 @@ def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
     for name, about in complete.rules(""):
         assert JobSpec.model_validate({"rule": {"name": name}})
         assert about
-    assert [name for name, _ in complete.variants("")] == ["auto", *VARIANTS]
+    assert [name for name, _ in complete.variants("")] == ["auto", *variants()]
 
 
 def test_jobs_are_offered_where_something_can_be_done_with_them(

@@ -233,24 +233,3 @@ def test_mitsuba_loads_what_was_packed_checked_and_unpacked(project: Path, tmp_p
     )
     loaded = json.loads(process.stdout.splitlines()[-1])
     assert loaded == [1, summary.width, summary.height]
-
-
-def test_a_folder_with_a_blender_file_is_packed_whole(tmp_path: Path):
-    files = ("shot.blend", "shot.blend2", "textures/wood.png", ".git/config")
-    for name in files:
-        (tmp_path / "shot" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "shot" / name).write_bytes(b"BLENDER17-01v0501")
-    with pack(tmp_path / "shot") as packed:
-        assert names(packed) == ["shot.blend", "textures/wood.png"]
-        assert packed.name == "shot.zip"
-        assert inspect_bundle(packed.file).renderer == "cycles"
-    # The file alone is sent as it is
-    with pack(tmp_path / "shot" / "shot.blend") as packed:
-        assert (packed.media_type, packed.name) == ("application/x-blender", "shot.blend")
-    # Of several, one has to have the name
-    (tmp_path / "shot" / "props.blend").write_bytes(b"BLENDER17-01v0501")
-    with pytest.raises(BundleError, match=r"props\.blend, shot\.blend\); name the right one"):
-        pack(tmp_path / "shot")
-    (tmp_path / "shot" / "shot.blend").rename(tmp_path / "shot" / "scene.blend")
-    with pack(tmp_path / "shot") as packed:
-        assert packed.name == "shot.zip"

@@ -28,14 +28,11 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
-from plateau.farm.redis.commands.studies import BeginStudy, ForgetStudy
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.commands.workers import Refused
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
-from plateau.study.ledger import Studies
-from plateau.study.model import Screen
 
 WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0
@@ -63,7 +60,7 @@ class World:
     def __init__(self, direct: redis.Redis, lossy: redis.Redis) -> None:
         self.direct, self.lossy = direct, lossy
         self.jobs, self.outbox, self.allowance = Jobs(lossy), Outbox(lossy), Allowance(lossy)
-        self.workers, self.studies, self.keys = Workers(lossy), Studies(lossy), ApiKeys(lossy)
+        self.workers, self.keys = Workers(lossy), ApiKeys(lossy)
         self.owners = Ownerships(lossy, LEASE_S)
         self.queue = SliceQueue(lossy, WORKER, LEASE_S)
 
@@ -124,17 +121,8 @@ class World:
         )
         return ApiKeys(self.direct).create("a key", Role.SUBMITTER, limits)[0]
 
-    def study(self) -> str:
-        studies = Studies(self.direct)
-        return studies.create(studies.begin(), {"job": "a"}, "", STUDY).id
-
 
 CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
-STUDY: Final[dict[str, Any]] = {
-    "name": "s", "method": "constant", "job_id": "a" * 12, "reference_job_id": "b" * 12,
-    "independent": True, "levels": [50, 100], "reference_spp": 1000, "slice_spp": 50,
-    "exposure_ev": 0.0, "width": 32, "height": 32,
-}  # fmt: skip
 
 
 def commit(
@@ -607,35 +595,3 @@ def _(world: World) -> Callable[[], object]:
     assert taken is not None
     outbox.settle(taken, "given-up", status=410, error="gone", took_s=0.1)
     return lambda: world.outbox.redeliver(job, 1)
-
-
-@case("begin_study")
-def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run(BeginStudy(study="a" * 12, making_ms=60_000))
-
-
-@case("create_study", lambda study: study.levels == (50, 100))
-def _(world: World) -> Callable[[], object]:
-    study = Studies(world.direct).begin()
-    return lambda: world.studies.create(study, {"job": "a"}, "", STUDY)
-
-
-@case("join_study", lambda observer: observer.number == 0)
-def _(world: World) -> Callable[[], object]:
-    study = Studies(world.direct).get(world.study())
-    screen = Screen(viewing_distance_cm=60, pixel_pitch_mm=0.25)
-    return lambda: world.studies.join(study, "ada", screen)
-
-
-@case("answer_study", lambda answer: answer.seen)
-def _(world: World) -> Callable[[], object]:
-    direct = Studies(world.direct)
-    study = direct.get(world.study())
-    ada = direct.join(study, "ada", Screen(viewing_distance_cm=60, pixel_pitch_mm=0.25))
-    return lambda: world.studies.answer(study, ada, 0, seen=True, seconds=1.0)
-
-
-@case("forget_study")
-def _(world: World) -> Callable[[], object]:
-    study = world.study()
-    return lambda: Scripts(world.lossy).run(ForgetStudy(study=study))

@@ -197,7 +197,7 @@ def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
             "distinct seeds",
         ),
         ("<scene version='3.0.0'><nonsense/></scene>", {}, "nonsense"),
-        ("no scene at all", {}, "neither XML nor a Blender"),
+        ("no scene at all", {}, "neither a Mitsuba XML nor"),
     ],
 )
 def test_a_bad_scene_fails_its_job_in_words_and_the_next_job_runs(

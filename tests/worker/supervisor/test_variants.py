@@ -4,9 +4,7 @@ import json
 import os
 import subprocess
 import sys
-from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -21,7 +19,6 @@ from plateau.worker.supervisor.variants import (
     choose,
     probe,
 )
-from tests.support.path_programs import put_on_path
 from tests.support.variants import library_for
 
 
@@ -175,7 +172,7 @@ class TestChoice:
         choice = choose(tmp_path)
         assert choice.variant == SCALAR
         spectral = ("scalar_spectral", "scalar_spectral_polarized")
-        assert choice.variants == (SCALAR, "analytic:numpy", *spectral)
+        assert choice.variants == (SCALAR, *spectral, "analytic:numpy")
         assert choice.why == "scalar_rgb: neither a CUDA driver nor an LLVM library was found"
 
     def test_a_library_that_fails_is_passed_over_and_named(self, tmp_path, broken_library):
@@ -196,8 +193,10 @@ class TestChoice:
         monkeypatch.setattr(variants, "_identity", lambda _: {})
         choice = choose(tmp_path)
         assert (choice.variant, choice.llvm_library) == (LLVM, good)
-        assert choice.variants[:3] == (LLVM, SCALAR, "analytic:numpy")
-        assert {"llvm_ad_spectral", "llvm_ad_mono", "scalar_spectral"} < set(choice.variants)
+        assert choice.variants[:2] == (LLVM, SCALAR)
+        assert {"analytic:numpy", "llvm_ad_spectral", "llvm_ad_mono", "scalar_spectral"} < set(
+            choice.variants
+        )
         assert "cuda_ad_spectral" not in choice.variants
         assert [one.library for one in choice.tried] == [str(broken_library), good]
 
@@ -296,76 +295,3 @@ class TestMemory:
 def test_the_supervisors_side_never_imports_mitsuba():
     script = "import sys, plateau.worker.supervisor.variants; sys.exit('mitsuba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
-
-
-@pytest.fixture
-def blender(monkeypatch):
-    """Blender, as Python would find it."""
-    there = ModuleType("bpy")
-    there.__spec__ = ModuleSpec("bpy", None)
-    monkeypatch.setitem(sys.modules, "bpy", there)
-    monkeypatch.setattr(variants.identity, "of", lambda _: {})
-
-
-class TestDevicesOfCycles:
-    @pytest.fixture(autouse=True)
-    def _scalar_alone(self, monkeypatch, no_driver, blender):
-        monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
-
-    def test_without_a_driver_none_is_tried(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(variants, "system_libraries", lambda: [("libc.so.6", Path("/libc"))])
-        choice = choose(tmp_path)
-        assert [one.variant for one in choice.tried] == [SCALAR]
-        assert choice.like("cycles:cuda") == ("cycles:cpu",)
-
-    def test_those_of_a_driver_are_tried_and_none_is_offered_that_fails(
-        self, tmp_path, monkeypatch
-    ):
-        found = [("libcuda.so.1", Path("/libcuda")), ("libze_loader.so.1", Path("/libze"))]
-        monkeypatch.setattr(variants, "system_libraries", lambda: found)
-        # Given a Blender that cannot be imported in truth
-        choice = choose(tmp_path)
-        assert [(one.variant, one.ok) for one in choice.tried] == [
-            (SCALAR, True),
-            *((f"cycles:{device}", False) for device in ("optix", "cuda", "oneapi")),
-        ]
-        assert (choice.variant, choice.like("cycles:cuda")) == (SCALAR, ("cycles:cpu",))
-        # And they are tried again, for a GPU may have been in use
-        assert not (tmp_path / "variant.json").exists()
-
-    def test_all_that_work_are_offered_and_mitsubas_choice_stays(self, tmp_path, monkeypatch):
-        found = [("libcuda.so.1", Path("/libcuda"))]
-        monkeypatch.setattr(variants, "system_libraries", lambda: found)
-        monkeypatch.setattr(
-            variants, "probe", lambda one, library: Probe(one, library, ok=True, detail="")
-        )
-        choice = choose(tmp_path)
-        assert choice.variant == SCALAR
-        assert choice.like("cycles:cpu") == ("cycles:optix", "cycles:cuda", "cycles:cpu")
-        # And what worked is remembered
-        monkeypatch.delattr(variants, "probe")
-        assert choose(tmp_path) == choice
-
-
-def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch):
-    works = VariantChoice(SCALAR, None, "", (Probe(SCALAR, None, ok=True, detail=""),))
-    monkeypatch.setitem(sys.modules, "bpy", None)  # as Python marks what cannot be imported
-    assert "cycles:cpu" not in works.variants
-    there = ModuleType("bpy")
-    there.__spec__ = ModuleSpec("bpy", None)
-    monkeypatch.setitem(sys.modules, "bpy", there)
-    assert "cycles:cpu" in works.variants
-
-
-def test_a_blender_program_that_renders_nothing_is_tried_and_not_offered(tmp_path, monkeypatch):
-    # Given a program that is none: a script on the PATH
-    put_on_path(tmp_path / "blender", "exit 0", monkeypatch)
-    monkeypatch.setattr(gpus, "cuda_driver", lambda: None)
-    monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
-    choice = choose(tmp_path / "cache")
-    assert [(one.variant, one.ok) for one in choice.tried] == [
-        (SCALAR, True),
-        ("cycles:cpu", False),
-    ]
-    assert "it has to be Blender's program itself" in choice.tried[1].detail
-    assert (choice.variant, choice.like("cycles:cpu")) == (SCALAR, ())

@@ -60,25 +60,3 @@ def test_the_renderer_of_a_scene_decides_the_variant_of_its_job(http: httpx.Clie
             body = problem(refused, 422, "invalid-spec")
             assert body["errors"][0]["field"] == "spec.variant"
             assert f"has no variant {variant}" in body["detail"]
-
-
-def test_what_a_blender_file_holds_is_not_known_yet(http: httpx.Client) -> None:
-    blend = "BLENDER17-01v0501"
-    found = check(http, scene=blend).json()
-    assert (found["kind"], found["width"], found["height"]) == ("blend", None, None)
-    sized = check(http, scene=blend, spec='{"parameters": {"width": 32, "height": 16}}').json()
-    assert (sized["width"], sized["height"]) == (32, 16)
-    answer = http.post("/v1/jobs", files={"scene": ("shot.blend", blend)}, data={"spec": "{}"})
-    assert (answer.status_code, answer.json()["spec"]["variant"]) == (201, "cycles:cpu")
-    # So it cannot be allocated by zones, nor be a shot of which nobody knows the size
-    by_zones = check(http, scene=blend, spec='{"allocation": {"name": "zones"}}')
-    assert "whole films alone" in problem(by_zones, 422, "invalid-spec")["detail"]
-    frames = '{"batch": "b", "shot": {"fps": 24}, "parameters": [{"frame": 1}, {"frame": 2}]}'
-    shot = check(http, scene=blend, spec=frames)
-    assert "set the parameters width and height" in problem(shot, 422, "invalid-spec")["detail"]
-
-
-def test_what_is_refused_is_refused_as_with_a_job(http: httpx.Client) -> None:
-    problem(check(http, scene="<scene"), 422, "broken-scene")
-    problem(http.post("/v1/scenes", files={"spec": (None, "{}")}), 422, "no-scene")
-    problem(http.post("/v1/scenes", json={}), 415, "not-multipart")

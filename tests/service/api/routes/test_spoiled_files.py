@@ -14,10 +14,8 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
-from plateau.study.ledger import study_level
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
-from tests.support.farms.studies import ended_job
 from tests.support.until import until
 
 PICTURES = (
@@ -225,19 +223,3 @@ def test_a_job_that_goes_on_shows_no_damaged_image_of_the_first(
     written = farm.store.get(blob)
     spoil(farm, blob)
     assert api.get(f"/v1/jobs/{second['id']}/image.png").content == written
-
-
-def test_studies_are_made_of_whole_slices_and_show_whole_pictures(
-    farm: NoiseFarm, api: httpx.Client
-) -> None:
-    job = ended_job(farm, slices=4, slice_spp=10)
-    asked = {"job_id": job.id, "levels": [10, 20]}
-    study = api.post("/v1/studies", json=asked).json()
-    picture = f"{study['links']['self']}/levels/20.png"
-    assert api.get(picture).status_code == 200
-    spoil(farm, blob := study_level(study["id"], 20))
-    is_refused(api.get(picture), blob)
-    spoil(farm, farm.jobs.ledger(job.id)[1]["blob"])
-    answer = api.post("/v1/studies", json={**asked, "name": "another"})
-    assert answer.status_code == 409
-    assert "slice 1 is lost or damaged" in answer.json()["detail"]

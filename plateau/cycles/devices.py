@@ -1,6 +1,6 @@
 """The devices beside the processor on which Cycles can render here, by Blender's own probe.
 
-``python -m plateau.worker.renderers.cycles.devices`` prints them, a JSON object of names by kind. A
+``python -m plateau.cycles.devices`` prints them, a JSON object of names by kind. A
 process of its own: a driver that does not suit the machine may abort it.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any, Final
 
-from plateau.worker.renderers.cycles.blender import blender, bpy
+from plateau.cycles.blender import blender, bpy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

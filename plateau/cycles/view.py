@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plateau.cycles.blender import blender, bpy
 from plateau.farm.images.look import SIZE, Look, lattice
 from plateau.farm.images.png import decode_png
-from plateau.worker.renderers.cycles.blender import blender, bpy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plateau.cycles import devices, known_scene
+from plateau.cycles.blender import blender, bpy
+from plateau.cycles.passes import ask_for, left_out, matte_attributes
+from plateau.cycles.scene_prep import open_scene, prepare
 from plateau.farm.images.exr import decode_header, decode_layers
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES
 from plateau.worker.renderers.canary import Canary, known_sphere
 from plateau.worker.renderers.contract import CHANNELS, Loaded, SceneError
-from plateau.worker.renderers.cycles import devices, known_scene
-from plateau.worker.renderers.cycles.blender import blender, bpy
-from plateau.worker.renderers.cycles.passes import ask_for, left_out, matte_attributes
-from plateau.worker.renderers.cycles.scene_prep import open_scene, prepare
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from plateau.cycles.passes import Passes
+    from plateau.cycles.scene_prep import PreparedScene
     from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.contract import Load
-    from plateau.worker.renderers.cycles.passes import Passes
-    from plateau.worker.renderers.cycles.scene_prep import PreparedScene
 
 _CANARY_SPP: Final = 64
 #: A part of a pass takes about so long, ...

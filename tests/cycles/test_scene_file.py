@@ -2,10 +2,16 @@
 
 import gzip
 import io
+from pathlib import Path
 
+import httpx
 import pytest
 
 from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
+from plateau.files.packing import pack
+from tests.plateau.files.test_packing import names
+from tests.service.api.routes.test_jobs import problem
+from tests.service.api.routes.test_scenes import check
 from tests.support.scenes.bundles import scene, zipped
 
 #: How Blender 5 begins a file, and how Zstandard does.
@@ -65,3 +71,46 @@ def test_a_zip_may_have_one_with_what_it_links_to():
         _in_zip(**{"shot.blend": BLEND, "props.blend": BLEND})
     # A Mitsuba scene may have the Blender file beside it from which it was made
     assert _in_zip(**{"scene.xml": scene(), "shot.blend": BLEND}) == "scene.xml"
+
+
+def test_a_folder_with_a_blender_file_is_packed_whole(tmp_path: Path):
+    files = ("shot.blend", "shot.blend2", "textures/wood.png", ".git/config")
+    for name in files:
+        (tmp_path / "shot" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "shot" / name).write_bytes(b"BLENDER17-01v0501")
+    with pack(tmp_path / "shot") as packed:
+        assert names(packed) == ["shot.blend", "textures/wood.png"]
+        assert packed.name == "shot.zip"
+        assert inspect_bundle(packed.file).renderer == "cycles"
+    # The file alone is sent as it is
+    with pack(tmp_path / "shot" / "shot.blend") as packed:
+        assert (packed.media_type, packed.name) == ("application/x-blender", "shot.blend")
+    # Of several, one has to have the name
+    (tmp_path / "shot" / "props.blend").write_bytes(b"BLENDER17-01v0501")
+    with pytest.raises(BundleError, match=r"props\.blend, shot\.blend\); name the right one"):
+        pack(tmp_path / "shot")
+    (tmp_path / "shot" / "shot.blend").rename(tmp_path / "shot" / "scene.blend")
+    with pack(tmp_path / "shot") as packed:
+        assert packed.name == "shot.zip"
+
+
+def test_what_a_blender_file_holds_is_not_known_yet(http: httpx.Client) -> None:
+    blend = "BLENDER17-01v0501"
+    found = check(http, scene=blend).json()
+    assert (found["kind"], found["width"], found["height"]) == ("blend", None, None)
+    sized = check(http, scene=blend, spec='{"parameters": {"width": 32, "height": 16}}').json()
+    assert (sized["width"], sized["height"]) == (32, 16)
+    answer = http.post("/v1/jobs", files={"scene": ("shot.blend", blend)}, data={"spec": "{}"})
+    assert (answer.status_code, answer.json()["spec"]["variant"]) == (201, "cycles:cpu")
+    # So it cannot be allocated by zones, nor be a shot of which nobody knows the size
+    by_zones = check(http, scene=blend, spec='{"allocation": {"name": "zones"}}')
+    assert "whole films alone" in problem(by_zones, 422, "invalid-spec")["detail"]
+    frames = '{"batch": "b", "shot": {"fps": 24}, "parameters": [{"frame": 1}, {"frame": 2}]}'
+    shot = check(http, scene=blend, spec=frames)
+    assert "set the parameters width and height" in problem(shot, 422, "invalid-spec")["detail"]
+
+
+def test_what_is_refused_is_refused_as_with_a_job(http: httpx.Client) -> None:
+    problem(check(http, scene="<scene"), 422, "broken-scene")
+    problem(http.post("/v1/scenes", files={"spec": (None, "{}")}), 422, "no-scene")
+    problem(http.post("/v1/scenes", json={}), 415, "not-multipart")

@@ -14,17 +14,10 @@ from typing import Any, Final
 
 from plateau.farm.blobs.store import Blobs, StoredBlob
 from plateau.farm.model.job import moment
-from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.studies import (
-    AnswerStudy,
-    BeginStudy,
-    CreateStudy,
-    ForgetStudy,
-    JoinStudy,
-)
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
+from plateau.study import keys
 from plateau.study.model import (
     MOST_OBSERVERS,
     MOST_STUDIES,
@@ -38,6 +31,13 @@ from plateau.study.model import (
     TrialNotFound,
 )
 from plateau.study.order import Pair
+from plateau.study.redis_commands import (
+    AnswerStudy,
+    BeginStudy,
+    CreateStudy,
+    ForgetStudy,
+    JoinStudy,
+)
 
 #: The longest time that making a study may take, in seconds.
 _MAKING_S: Final = 1800.0
@@ -50,7 +50,7 @@ class Studies:
 
     def __init__(self, client: RedisClient) -> None:
         self._redis = client
-        self._scripts = Scripts(client)
+        self._scripts = Scripts(client, keys.script())
 
     def begin(self) -> str:
         """Start making a study; returns its id, under which its pictures may now be put."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from plateau.cycles.blender import blender, bpy
+from plateau.cycles.view import baked, described
 from plateau.farm.bundle import BundleLimits
 from plateau.worker.renderers.contract import SceneError
-from plateau.worker.renderers.cycles.blender import blender, bpy
-from plateau.worker.renderers.cycles.view import baked, described
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -13,6 +13,7 @@ from plateau.exit_codes import ExitCode
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.study.answers import AnswersFit
 from plateau.study.answers_table import FittedScene, fit_table, plot_study
+from plateau.study.client import StudyCalls
 from plateau.study.model import PROBABILITIES
 from plateau.study.order import Method
 from plateau.study.views import StudyView
@@ -41,7 +42,7 @@ def create(
         whole_id = client.whole_id(job_id)
         if at_stops:
             levels = levels_at_stops(client.job(whole_id), client.curve(whole_id))
-        study = client.studies.create(
+        study = StudyCalls(client).create(
             whole_id,
             reference_job_id=None if reference is None else client.whole_id(reference),
             method=method,
@@ -100,7 +101,7 @@ def _said(first: dict[str, int | None]) -> str:
 def list_studies(*, url: str | None, as_json: bool) -> None:
     """Print all studies."""
     with connect(url) as client:
-        studies = client.studies.all()
+        studies = StudyCalls(client).all()
     if as_json:
         print(json.dumps([study.model_dump(mode="json") for study in studies], indent=2))
         return
@@ -112,9 +113,9 @@ def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_
     """Write the answers of a study, or its table, to a file or to standard output."""
     with connect(url) as client:
         if as_json:
-            text = client.studies.get(study_id).model_dump_json(indent=2) + "\n"
+            text = StudyCalls(client).get(study_id).model_dump_json(indent=2) + "\n"
         else:
-            text = client.studies.csv(study_id, "answers" if table else "trials")
+            text = StudyCalls(client).csv(study_id, "answers" if table else "trials")
     if out is None:
         sys.stdout.write(text)
     else:
@@ -124,7 +125,7 @@ def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_
 def delete(study_id: str, *, url: str | None) -> None:
     """Remove a study with its answers."""
     with connect(url) as client:
-        client.studies.delete(study_id)
+        StudyCalls(client).delete(study_id)
 
 
 def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:

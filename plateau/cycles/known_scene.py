@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from plateau.cycles.blender import bpy
 from plateau.worker.renderers.canary import SPHERE_RADIUS, SPHERE_REFLECTANCE
-from plateau.worker.renderers.cycles.blender import bpy
 
 #: Pixels of each side.
 SIZE: Final = 32

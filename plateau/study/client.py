@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
-from plateau.client.transport import Calls, Transport
+from plateau.client import Client
+from plateau.client.transport import Calls
 from plateau.study.model import Screen
 from plateau.study.order import Method
 from plateau.study.views import AnswerView, ObserverView, StudyList, StudyView
@@ -13,10 +14,10 @@ _MAKING_S: Final = 600.0
 
 
 class StudyCalls(Calls):
-    """Observer studies: making, taking part, export. `plateau.Client.studies` is one of these."""
+    """Observer studies: making, taking part, export; over the connections of a client."""
 
-    def __init__(self, transport: Transport) -> None:
-        self._transport = transport
+    def __init__(self, client: Client) -> None:
+        self._transport = client._transport
 
     def create(
         self,

@@ -6,12 +6,14 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
 
 from plateau.farm.redis.client import RedisClient
+from plateau.farm.wire.examples import JOB_ID
 from plateau.service.api.access.callers import CallerOf, not_yours
 from plateau.service.api.http.etags import FINAL
 from plateau.service.api.parts import Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.handlers import answer_as_they_are
 from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.routes.pages import page
 from plateau.study import examples
 from plateau.study.ledger import Studies, study_level, study_reference
 from plateau.study.levels import check_levels, default_levels, kept_slices
@@ -37,6 +39,39 @@ from plateau.study.views import (
     study_view,
 )
 
+_NOT_YOUR_STUDY: Final = problems.of_extension(
+    "not-your-study",
+    403,
+    "Study of another key",
+    f"study {examples.STUDY_ID} belongs to another key; only that key, or one with the role admin, "
+    "may change it",
+)
+_UNKNOWN_STUDY: Final = problems.of_extension(
+    "unknown-study",
+    404,
+    "Unknown study",
+    f"there is no study '{examples.STUDY_ID}'; GET /v1/studies lists those there are",
+)
+_UNKNOWN_OBSERVER: Final = problems.of_extension(
+    "unknown-observer",
+    404,
+    "Unknown observer",
+    f"nobody takes part in study {examples.STUDY_ID} as 'o-7f3a'; PUT "
+    f"/v1/studies/{examples.STUDY_ID}/observers/o-7f3a takes part",
+)
+_UNKNOWN_TRIAL: Final = problems.of_extension(
+    "unknown-trial",
+    404,
+    "Unknown trial",
+    f"study {examples.STUDY_ID} shows each observer 14 pairs, numbered from 0: there is no pair 14",
+)
+_CANNOT_STUDY: Final = problems.of_extension(
+    "cannot-study",
+    409,
+    "Study cannot be created",
+    f"job {JOB_ID} did not keep its slices; submit the scene again with keep_slices",
+)
+
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
 
@@ -59,13 +94,15 @@ def mount(app: FastAPI, client: RedisClient) -> None:
     studies = Studies(client)
     app.state.study = _Parts(app.state.parts, studies, StudyResults(studies))
     app.include_router(router)
+    for path in ("/studies", "/studies/{study_id}", "/studies/{study_id}/observe"):
+        app.add_api_route(path, page, include_in_schema=False)
     answer_as_they_are(
         app,
         {
-            StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
-            ObserverNotFound: (problems.UNKNOWN_OBSERVER, ""),
-            TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
-            CannotStudy: (problems.CANNOT_STUDY, ""),
+            StudyNotFound: (_UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
+            ObserverNotFound: (_UNKNOWN_OBSERVER, ""),
+            TrialNotFound: (_UNKNOWN_TRIAL, ""),
+            CannotStudy: (_CANNOT_STUDY, ""),
         },
     )
 
@@ -83,7 +120,7 @@ _Name = Annotated[
     ),
 ]
 
-_INVALID: Final = (problems.UNKNOWN_STUDY, problems.INVALID_REQUEST)
+_INVALID: Final = (_UNKNOWN_STUDY, problems.INVALID_REQUEST)
 _PNG: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "the picture",
@@ -108,7 +145,7 @@ def _csv(example: str) -> dict[int | str, dict[str, Any]]:
         201: {
             "headers": {"Location": {"schema": {"type": "string"}, "description": "of the study"}}
         },
-        **documented(problems.UNKNOWN_JOB, problems.CANNOT_STUDY, problems.INVALID_REQUEST),
+        **documented(problems.UNKNOWN_JOB, _CANNOT_STUDY, problems.INVALID_REQUEST),
     },
 )
 def create_study(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
@@ -137,14 +174,12 @@ def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
     return _shown(farm, farm.studies.get(study_id))
 
 
-@router.delete(
-    "/{study_id}", status_code=204, responses=documented(problems.NOT_YOUR_STUDY, *_INVALID)
-)
+@router.delete("/{study_id}", status_code=204, responses=documented(_NOT_YOUR_STUDY, *_INVALID))
 def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     """Remove a study with all its answers and pictures. This needs the key that made it."""
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
-        raise Problem(problems.NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
+        raise Problem(_NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
     farm.studies.forget(study.id, farm.api.blobs)
 
 
@@ -188,9 +223,7 @@ def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
     return _as_csv(f"{study.id}-trials.csv", text)
 
 
-@router.put(
-    "/{study_id}/observers/{observer}", responses=documented(problems.CANNOT_STUDY, *_INVALID)
-)
+@router.put("/{study_id}/observers/{observer}", responses=documented(_CANNOT_STUDY, *_INVALID))
 def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Farm) -> ObserverView:
     """Take part in a study under a pseudonym.
 
@@ -200,9 +233,7 @@ def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Fa
     return _observer(farm, study, farm.studies.join(study, observer, asked.screen))
 
 
-@router.get(
-    "/{study_id}/observers/{observer}", responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID)
-)
+@router.get("/{study_id}/observers/{observer}", responses=documented(_UNKNOWN_OBSERVER, *_INVALID))
 def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
     """Show an observer's pairs, in order, and which of them have an answer."""
     study = farm.studies.get(study_id)
@@ -211,7 +242,7 @@ def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverVi
 
 @router.put(
     "/{study_id}/observers/{observer}/answers/{trial}",
-    responses=documented(problems.UNKNOWN_OBSERVER, problems.UNKNOWN_TRIAL, *_INVALID),
+    responses=documented(_UNKNOWN_OBSERVER, _UNKNOWN_TRIAL, *_INVALID),
 )
 def answer_trial(
     study_id: _StudyId,
@@ -286,7 +317,7 @@ def _picture(farm: _Parts, study_id: str, blob: str) -> Response:
         content = farm.api.files.content(blob, farm.studies.sha256(study_id, blob))
     except FileNotFoundError as error:
         raise Problem(
-            problems.UNKNOWN_STUDY,
+            _UNKNOWN_STUDY,
             f"there is no study {study_id!r} with this picture; GET /v1/studies lists the studies "
             "and their levels",
         ) from error

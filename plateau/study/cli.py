@@ -9,7 +9,9 @@ import typer
 from plateau.cli import options as o
 from plateau.cli.app import group
 
-study = group("study", "Observer studies: at which spp do people stop seeing a difference?")
+study = group(
+    "study", "Observer studies: at which spp do people stop seeing a difference?", extra="plot"
+)
 
 _StudyId = Annotated[str, typer.Argument(metavar="ID", help="The study's id.")]
 

@@ -12,16 +12,13 @@ import zlib
 from collections.abc import Mapping
 from typing import IO, Final
 
+from plateau.farm.bundle.formats import Checked, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
-
-#: The scene where a bundle has several Blender files.
-SCENE_BLEND: Final = "scene.blend"
+from plateau.farm.bundle.tree import Parts, Tree
 
 _MAGIC: Final = b"BLENDER"
 _GZIP: Final = b"\x1f\x8b"
 _ZSTANDARD: Final = b"\x28\xb5\x2f\xfd"
-#: How such a file begins.
-BEGINS: Final = (_MAGIC, _GZIP, _ZSTANDARD)
 
 #: The parameters that a job may set, with what each has to be.
 PARAMETERS: Final = {
@@ -37,23 +34,12 @@ _MAX_NAME: Final = 255
 _BEGINNING_BYTES: Final = 2**12
 
 
-def check_blend(
-    stream: IO[bytes], parameters: Mapping[str, str], limits: BundleLimits
-) -> tuple[int | None, int | None]:
-    """Return the width and height that the parameters set; None for the file's own.
-
-    Raises
-    ------
-    BundleError
-        It is no Blender file, or a parameter is unknown or has a value that it cannot have.
-    """
-    beginning = stream.read(_BEGINNING_BYTES)
-    if beginning.startswith(_GZIP):
-        beginning = _unpacked(beginning)
-    if not beginning.startswith((_MAGIC, _ZSTANDARD)):
-        raise BundleError(
-            "not-a-scene", "the file is compressed, and no Blender file; save it again in Blender"
-        )
+def _check_blend(
+    tree: Tree, entry: Parts, parameters: Mapping[str, str], sensor: int, limits: BundleLimits
+) -> Checked:
+    """Return the width and height that the parameters set; None for the file's own."""
+    with tree.open(entry) as stream:
+        _check_beginning(stream)
     for name, value in parameters.items():
         _check(name, value)
     size = [int(parameters[name]) if name in parameters else None for name in ("width", "height")]
@@ -64,7 +50,37 @@ def check_blend(
             f"a film of {width or '…'}×{height or '…'} pixels is too large: {limits.max_pixels} "
             "pixels are allowed",
         )
-    return width, height
+    if sensor != 0:
+        raise BundleError(
+            "no-sensor",
+            f"the scene has no sensor {sensor}; a Blender file has sensor 0 alone, and other "
+            "cameras by the parameter camera",
+        )
+    return Checked(width=width, height=height, sensors=1, parameters={})
+
+
+BLEND: Final = SceneFormat(
+    renderer="cycles",
+    kind="blend",
+    called="a Blender file",
+    media_type="application/x-blender",
+    entry="scene.blend",
+    begins=(_MAGIC, _GZIP, _ZSTANDARD),
+    check=_check_blend,
+    suffix=".blend",
+    left_out=re.compile(r"\.blend[0-9]+"),  # what Blender calls a file's earlier versions
+    is_compressed=True,
+)
+
+
+def _check_beginning(stream: IO[bytes]) -> None:
+    beginning = stream.read(_BEGINNING_BYTES)
+    if beginning.startswith(_GZIP):
+        beginning = _unpacked(beginning)
+    if not beginning.startswith((_MAGIC, _ZSTANDARD)):
+        raise BundleError(
+            "not-a-scene", "the file is compressed, and no Blender file; save it again in Blender"
+        )
 
 
 def _check(name: str, value: str) -> None:
