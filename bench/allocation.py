@@ -2,8 +2,7 @@
 
 Jobs of each scene are replayed from recorded slices until the rule `visible` stops them: whole
 frames, the farm's zones, and other ways to spread samples. What they leave visible is then counted
-by the noise of the whole recording, and so is how many samples each way needs for the same truth. A
-second part measures how much deciding by the samples that one keeps biases.
+by the noise of the whole recording, and so is how many samples each way needs for the same truth.
 """
 
 from __future__ import annotations
@@ -14,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.allocating import fireflies
-from bench.allocating.bias import CASES, DECIDED, SIDES, study
 from bench.allocating.film import JUDGING, Film
 from bench.allocating.recordings import SCENES, add_options, recorded
 from bench.allocating.truth import Truth
@@ -63,7 +60,6 @@ _NOTES = (
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_options(parser)
-    parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
     parser.add_argument(
         "--live",
         action="store_true",
@@ -94,9 +90,6 @@ def main() -> None:
                 for what, value in row.items()
             ),
         )
-    kept = [one for one in kept if not one.name.startswith("bias: ")]
-    study(lambda name, one: kept.extend(one.figures(name)))
-    fireflies.study(lambda name, one: kept.extend(one.figures(name)), asked.renders)
     about = {"target": TARGET, "scenes": settings}
     report = write_report("allocation", kept, settings=about, notes=_NOTES)
     markdown.fill(markdown.DOCS / "allocation.md", tables(report))
@@ -204,24 +197,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         ["way", *found],
         [[way, *(cell(scene, way) for scene in found)] for way in ways],
     )
-    bias = markdown.table(
-        ["noise, zone", "by all samples", "by the difference of two halves"],
-        [
-            [f"{kind}, {side} px", *(error(values, f"{kind}, {side} px, {by}") for by in DECIDED)]
-            for kind in CASES
-            for side in SIDES
-        ],
-    )
-    own = markdown.table(
-        ["noise", "error of the mean"],
-        [[kind, error(values, f"allocator, {kind}")] for kind in fireflies.CASES],
-    )
-    return {"allocation": spent, "allocation-bias": bias, "allocation-fireflies": own}
-
-
-def error(values: dict[str, float], name: str) -> str:
-    """Return a bias with its 95 % confidence interval."""
-    return f"{values[f'bias: {name}: mean']:+.3%} ± {values[f'bias: {name}: doubt']:.3%}"
+    return {"allocation": spent}
 
 
 if __name__ == "__main__":

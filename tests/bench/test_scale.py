@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from bench import backlog
 from bench.scale import figures, tables
 from bench.support.farms import scale_farm
 from bench.support.load import scale_load
@@ -64,18 +63,3 @@ def test_workers_and_jobs_are_simulated_under_each_load(
     lines = "".join(tables(report).values())
     rows = {line.split(" | ")[0].removeprefix("| ") for line in lines.splitlines()}
     assert rows >= {*found.costs, *loads, "5 workers"} - {"5 workers, 2 jobs"}
-
-
-@pytest.mark.timeout(300)
-@pytest.mark.long
-def test_monitors_merge_what_was_committed_while_they_were_stopped(tmp_path: Path) -> None:
-    plan = backlog.Plan(rounds=1, jobs=4, slices=16, folder=str(tmp_path))
-    found = backlog.measure(plan)
-    assert set(found.merged) == {1, 2}
-    for [merged] in found.merged.values():
-        assert 0 < merged.rate <= merged.ready_rate
-        assert min(merged.cpu_us, merged.redis_us, merged.round_trips) > 0
-    figures = [asdict(one) for one in backlog.figures(found)]
-    report = {"machine": machine(), "settings": asdict(plan), "figures": figures}
-    lines = backlog.tables(json.loads(json.dumps(report)))["backlog"].splitlines()
-    assert [line.split(" | ")[0] for line in lines[2:]] == ["| 1 monitor", "| 2 monitors"]
