@@ -89,7 +89,6 @@ class Settings(BaseSettings):
     alive_file: Path | None = None
     label: str | None = Field(None, max_length=200)
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
-    when_refused: Literal["exit", "wait"] = "exit"
     core_hour_price: float | None = Field(None, ge=0, le=1e9, allow_inf_nan=False)
     currency: str = Field("", max_length=12, pattern=r"^[^\x00-\x1f\x7f]*$")
     log_format: LogFormat = "text"

@@ -143,7 +143,6 @@ class AsyncClient:
     pause = _awaited(Client.pause)
     pause_batch = _awaited(Client.pause_batch)
     redeliver = _awaited(Client.redeliver)
-    refused = _awaited(Client.refused)
     rejudge = _awaited(Client.rejudge)
     restore = _awaited(Client.restore)
     restore_batch = _awaited(Client.restore_batch)
