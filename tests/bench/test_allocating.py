@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench import allocation
-from bench.allocating.film import JUDGING, OTHERS, Film
-from bench.allocating.truth import Truth, crossing
+from bench.support.film import JUDGING, OTHERS, Film
+from bench.support.truth import Truth, crossing
 from plateau.metric import View
 from plateau.metric.compiled import CompiledVisibleDifferences
 
@@ -56,10 +56,13 @@ def test_the_truth_falls_and_is_found_again(recording):
 
 def test_zones_end_sooner_than_frames(recording):
     truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
-    found = allocation.measured(recording, truth, SPP, runs=1)
+    found = allocation.measured(truth, runs=1)
     frames, zones = found[allocation.FRAMES], found["zones, 16 px"]
-    assert zones["spp"] < 0.8 * frames["spp"]
-    assert found["oracle, 16 px"]["spp at the target's truth"] < frames["spp"]
+    assert zones[allocation.SPP] < 0.8 * frames[allocation.SPP]
+    assert found["oracle, 16 px"][allocation.SAME] < frames[allocation.SPP]
+    cells = allocation.cells(found)
+    assert cells[allocation.FRAMES].startswith("1.00, 1.00, ")
+    assert cells["oracle, 16 px"].startswith("same truth ")
 
 
 def test_a_crossing_is_found():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.allocating.film import JUDGING, OTHERS, ROUND, modelled, spread
+from bench.support.film import JUDGING, OTHERS, ROUND, modelled, spread
 from plateau.metric import Evidence, Half, View
 from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.allocating.recordings import HARD, HARD_SCENES, SCENES
+from bench.support.recordings import HARD, HARD_SCENES, SCENES
 from plateau import scenes
 from plateau.client import Client
 from plateau.farm.model.spec import JobSpec
