@@ -34,16 +34,12 @@ from plateau.metric import (
     VisibleDifferences,
     allowed_pixels,
     blended,
-    create_rule,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.service.monitor.denoising import oidn
 
 TARGETS: Final = (0.001, 0.0002)
 RAW, DENOISED, BLEND = "raw", "denoised alone", "blend"
-#: The rules that are tried on the blend: Plateau's own, and the paper's.
-OWN: Final = Visible.name
-RULES: Final = (OWN, "reverse", "successive", "multiple", "myszkowski")
 #: Shares of the pixels from which on an estimate is compared with the truth.
 ENOUGH: Final = 0.001
 _NOTES: Final = (
@@ -59,7 +55,6 @@ _HEADS: Final = {
         *("scene", "denoised alone, wrong pixels of raw", "blend, wrong pixels of raw"),
         *("raw, estimate / truth", "blend, estimate / truth"),
     ),
-    "denoising-rules": ("scene", *(f"`{rule}`" for rule in RULES)),
     "denoising-determined": ("scene", "points", "determined", "of these, twice as wrong"),
 }
 
@@ -88,15 +83,7 @@ def main() -> None:
 def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
     """Return what the runs found of a scene."""
     every = [point for row in rows for point in row]
-    ends = {
-        (kind, rule): stops(rows, kind, rule)
-        for kind, rule in (
-            (RAW, OWN),
-            *((one, rule) for one in (BLEND, DENOISED) for rule in RULES),
-        )
-        if (kind, rule) != (DENOISED, OWN)  # whose error is not estimated
-    }
-    at_end = {kind: ends[kind, OWN] for kind in (RAW, BLEND)}
+    at_end = {kind: stops(rows, kind) for kind in (RAW, BLEND)}
     needed = [
         *({kind: needs(rows, kind, target) for kind in (RAW, BLEND)} for target in TARGETS),
         {kind: None if end is None else end[0] for kind, end in at_end.items()},
@@ -117,7 +104,11 @@ def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
     ]
     content = {
         "denoising": [
-            [scene, *map(_fewer, needed), *(_end(at_end[kind])[1] for kind in (RAW, BLEND))]
+            [
+                scene,
+                *map(_fewer, needed),
+                *("–" if end is None else f"{end[1]:.3%}" for end in at_end.values()),
+            ]
         ],
         "denoising-quality": [
             [
@@ -125,19 +116,14 @@ def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
                 *(estimated(RAW), estimated(BLEND)),
             ]
         ],
-        "denoising-rules": [
-            [f"{scene}, {kind}", *(" / ".join(_end(ends.get((kind, rule)))) for rule in RULES)]
-            for kind in (BLEND, DENOISED)
-        ],
         "denoising-determined": [[scene, *(str(len(one)) for one in (every, determined, twice))]],
     }
     return {name: [list(head), *content[name]] for name, head in _HEADS.items()}
 
 
-def stops(rows: Sequence[Sequence["Point"]], kind: str, name: str) -> tuple[float, float] | None:
-    """Return the samples at which a rule ends the jobs, and what is wrong; None if it did not."""
-    found = [ended(row, kind, name) for row in rows]
-    ends = [one for one in found if one is not None]
+def stops(rows: Sequence[Sequence["Point"]], kind: str) -> tuple[float, float] | None:
+    """Return where `visible` ends the jobs, and what is wrong; None if it did not."""
+    ends = [one for row in rows if (one := ended(row, kind)) is not None]
     if len(ends) < len(rows):
         return None
     return median(one.spp for one in ends), median(one.wrong[kind] for one in ends)
@@ -147,10 +133,6 @@ def needs(rows: Sequence[Sequence["Point"]], kind: str, target: float) -> float 
     """Return the samples that a target takes, if all runs come to it."""
     spp = [one for row in rows if (one := spp_at(row, kind, target)) is not None]
     return median(spp) if len(spp) == len(rows) else None
-
-
-def _end(end: tuple[float, float] | None) -> tuple[str, str]:
-    return ("–", "–") if end is None else (f"{end[0]:,.0f}", f"{end[1]:.3%}")
 
 
 def _fewer(spp: dict[str, float | None]) -> str:
@@ -275,13 +257,11 @@ def spp_at(row: Sequence[Point], kind: str, target: float) -> float | None:
     return float(row[0].spp) if row[-1].wrong[kind] <= target else None
 
 
-def ended(row: Sequence[Point], kind: str, name: str) -> Point | None:
-    """Return where a rule ends the job; None if the recording is too short."""
-    rule = create_rule(name)
-    for one in row:
-        if (one.is_look or kind == RAW) and rule.judge(one.seen[kind]).stop:
-            return one
-    return None
+def ended(row: Sequence[Point], kind: str) -> Point | None:
+    """Return where the rule `visible` ends the job; None if the recording is too short."""
+    rule = Visible()
+    looks = (one for one in row if one.is_look or kind == RAW)
+    return next((one for one in looks if rule.judge(one.seen[kind]).stop), None)
 
 
 def quarters_noise(quarters: Any, share: float) -> tuple[Image, Image]:

@@ -100,23 +100,13 @@ def main() -> None:
     parser.add_argument(
         "--sizes", nargs="+", type=_size, metavar="WIDTHxHEIGHT", help="default: four sizes"
     )
-    parser.add_argument("--pairs", type=int, help="pairs of runs of each case (default: 3)")
-    parser.add_argument(
-        "--seconds", type=float, help="of one run, unless four steps take longer (default: 60)"
-    )
-    parser.add_argument("--step", type=int, help="spp between evaluations (default: 100)")
     parser.add_argument(
         "--quick",
         action="store_true",
         help="one pair of 10 s, step 50, 128x128 and 512x512 only; writes farm-quick.json",
     )
     options = parser.parse_args()
-    asked = {
-        name: value
-        for name in ("pairs", "seconds", "step")
-        if (value := getattr(options, name)) is not None
-    }
-    effort = replace(_QUICK if options.quick else Effort(), **asked)
+    effort = _QUICK if options.quick else Effort()
     sizes = options.sizes or (_QUICK_SIZES if options.quick else _SIZES)
 
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))

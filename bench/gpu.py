@@ -129,10 +129,7 @@ def _rates(plan: Plan, load: Load) -> Iterator[_Found]:
     from plateau.worker.renderers.mitsuba.kernel import Kernel
     from plateau.worker.renderers.mitsuba.scene_prep import prepare
 
-    began = time.monotonic()
     one = prepare(plan.variant, load)
-    dr.sync_thread()
-    yield "scene loaded, s", [time.monotonic() - began]
     kernel = Kernel(one)
 
     def alone(spp: int, seed: int) -> None:
@@ -146,7 +143,6 @@ def _rates(plan: Plan, load: Load) -> Iterator[_Found]:
         return film
 
     pixels = one.width * one.height
-    firsts = [_seconds(way, plan.spp[0], 1) for way in (alone, ours)]
     best = [min(plan.spp, key=lambda spp: _per_sample(way, spp)) for way in (alone, ours)]
     # As many samples of each. After the other's pass Dr.Jit records anew, so one is not counted.
     most = max(best)
@@ -159,9 +155,8 @@ def _rates(plan: Plan, load: Load) -> Iterator[_Found]:
                 way(spp, 1000 * pair + number)
             found.append(most * pixels / (time.monotonic() - began) / 1e6)
     names = ("Mitsuba alone", "the farm's kernel")
-    for name, spp, found, first in zip(names, best, rates, firsts, strict=True):
+    for name, spp, found in zip(names, best, rates, strict=True):
         yield f"{name}, passes of {spp} spp, million samples/s", found
-        yield f"{name}, first pass, kernels compiled, s", [first]
     ratios = [mine / bare for bare, mine in zip(*rates, strict=True)]
     yield "kernel, ratio", ratios
     yield "equal bits, of 1", [float(_has_equal_bits(kernel, ours, best[1]))]
@@ -205,7 +200,6 @@ def _whole(plan: Plan, scene: Path, parameters: dict[str, str], out: Path) -> It
     job = json.loads((out / "summary.json").read_text())
     until = f"{plan.jod} JOD" if job["state"] == "converged" else f"its limit of {plan.limit_s} s"
     yield f"whole render to {until}, s", [seconds]
-    yield "of it the job, from first slice to verdict, s", [job["wall_s"]]
     yield "of it rendering, s", [job["machine_s"]]
     yield "samples of the whole render, spp", [job["spp"]]
     idle = max(0.0, 1 - job["machine_s"] / job["wall_s"])

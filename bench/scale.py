@@ -8,7 +8,7 @@ jobs without workers.
 """
 
 import argparse
-import hashlib
+import json
 import statistics
 import tempfile
 import time
@@ -18,53 +18,22 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from bench.support.processes import timed
 from bench.support.report import Table, machine_table, p99, write_report
-from bench.support.scale_farm import SPEC, ControlPlane
+from bench.support.scale_farm import ControlPlane
 from bench.support.scale_workers import Slice, made_up_record
-from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Partial, decode_partial, encode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.service.judging.merge import Merge
 
-#: Sizes in pixels of the images whose merges are timed.
-SIZES: Final = ((512, 512), (1920, 1080))
-_MERGES: Final = 7
 _VARIANTS: Final = ("llvm_ad_rgb", "scalar_rgb")
-#: A planned farm: its workers, how long each renders a slice, and the requests to Redis for each
-#: slice, with an evaluation after every fourth.
-_PLANNED: Final = 10_000
-_PLANNED_RENDER_S: Final = (10, 60, 300)
-_HEARTBEAT_S: Final = 5
-_BEAT: Final = "heartbeat with one lease"
-_ASKED: Final = {
-    "lease a slice": 1.0,
-    "commit a slice": 1.0,
-    "monitor: read a job": 1.0,
-    "monitor: read what is committed": 1.0,
-    "monitor: plan": 0.125,
-    "monitor: a point of the curve": 0.25,
-}
 #: A point of the curve, as large as most.
-_POINT: Final[dict[str, object]] = {
-    "spp": 100,
-    "visible_pixels": 40123,
-    "visible_fraction": 0.612,
-    "slope": -1.25,
-    "estimate_pixels": 812.5,
-    "estimate_fraction": 0.0124,
-    "estimate_low_pixels": 700.25,
-    "estimate_high_pixels": 930.75,
-    "forecast_spp": 1900,
-    "forecast_low_spp": 1700,
-    "forecast_high_spp": 2300,
-    "non_finite_pixels": 0,
-    "zones": None,
-    "rules": {"visible": {"value": 0.0124, "stop": False}},
-}
+_POINT: Final[dict[str, object]] = json.loads(
+    """{"spp": 100, "visible_pixels": 40123, "visible_fraction": 0.612, "slope": -1.25,
+    "estimate_pixels": 812.5, "estimate_fraction": 0.0124, "estimate_low_pixels": 700.25,
+    "estimate_high_pixels": 930.75, "forecast_spp": 1900, "forecast_low_spp": 1700,
+    "forecast_high_spp": 2300, "non_finite_pixels": 0, "zones": null,
+    "rules": {"visible": {"value": 0.0124, "stop": false}}}"""
+)
 #: What a table has of a load: the figures of each cell.
 _GRIDS: Final = {
     "scale-slices": ("committed / merged in a second", ("committed", "merged")),
@@ -78,7 +47,7 @@ _GRIDS: Final = {
     ),
 }
 
-#: The cost of a request: µs of Redis and bytes of its log; or of a merge: CPU ms and bytes.
+#: The cost of a request: µs of Redis and bytes of its log.
 Costs = dict[str, tuple[float, float]]
 
 
@@ -104,7 +73,6 @@ class Found:
     """All that was measured."""
 
     costs: Costs
-    merges: Costs
     loads: dict[str, dict[str, float]] = field(default_factory=dict)  #: by name: figures by name
     others: list[float] = field(default_factory=list)
 
@@ -128,7 +96,7 @@ def main() -> None:
             "Redis, monitors and the processes that simulate workers share one machine.",
             "A simulated worker waits instead of rendering; its partials are 16×16 pixels.",
             "Jobs have defaults: 25 spp a slice, an evaluation after four; no rule ends them.",
-            "Redis waits for its disk as it does for users; blobs are in memory unless stated.",
+            "Redis waits for its disk as it does for users; blobs are in memory.",
             "Merges are those that monitors report every two seconds.",
             "A simulated worker, whose latencies these are, shares a process with hundreds.",
         ],
@@ -139,9 +107,7 @@ def main() -> None:
 def measure(plan: Plan) -> Found:
     """Measure every load and cost; the default plan takes some minutes."""
     with _control_plane(plan, monitors=0) as farm:
-        cost = costs(farm, jobs=max(plan.jobs), turns=plan.turns)
-    with tempfile.TemporaryDirectory(dir=plan.folder) as folder:
-        found = Found(cost, merge_costs(Blobs(folder), ((plan.size, plan.size), *SIZES)))
+        found = Found(costs(farm, jobs=max(plan.jobs), turns=plan.turns))
     most, some = max(plan.workers), sorted(plan.jobs)[-2:][0]
     for workers in plan.workers:
         for jobs in plan.jobs:
@@ -151,28 +117,19 @@ def measure(plan: Plan) -> Found:
         for rate in plan.rates:
             name = f"{rate:g}/s asked of {monitors} monitor{'s' * (monitors != 1)}"
             _add_load(found, plan, name, most, some, most / rate, monitors=monitors)
-    rate = max(plan.rates)
-    for name, changes in {
-        f"{rate:g}/s asked, Redis not waiting for its disk": {"fsync": False},
-        f"{rate:g}/s asked, blobs on the disk": {"on_disk": True},
-    }.items():
-        _add_load(found, plan, name, most, some, most / rate, **changes)
     _add_load(found, plan, f"{plan.waiting} idle workers", plan.waiting, 0, plan.render_s)
     _add_load(found, plan, f"{plan.waiting} waiting jobs", 0, plan.waiting, plan.render_s)
     return found
 
 
 @contextmanager
-def _control_plane(
-    plan: Plan, *, monitors: int = 1, fsync: bool = True, on_disk: bool = False
-) -> Iterator[ControlPlane]:
+def _control_plane(plan: Plan, monitors: int = 1) -> Iterator[ControlPlane]:
     with (
         tempfile.TemporaryDirectory() as disk,
         tempfile.TemporaryDirectory(dir=plan.folder) as fast,
+        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
     ):
-        blobs = Path(disk if on_disk else fast) / "blobs"
-        with ControlPlane(Path(disk), blobs, monitors=monitors, fsync=fsync) as farm:
-            yield farm
+        yield farm
 
 
 def _add_load(
@@ -182,9 +139,9 @@ def _add_load(
     workers: int,
     jobs: int,
     render_s: float,
-    **control_plane: Any,
+    monitors: int = 1,
 ) -> None:
-    with _control_plane(plan, **control_plane) as farm:
+    with _control_plane(plan, monitors) as farm:
         farm.add_jobs(jobs)
         with farm.workers(workers, render_s=render_s, size=plan.size) as done:
             time.sleep(1.5 * render_s + plan.warm_s)
@@ -248,7 +205,7 @@ def costs(farm: ControlPlane, *, jobs: int, turns: int) -> Costs:
     first = owned[0]
     requests: dict[str, Callable[[int], object]] = {
         "lease a slice": lease,
-        _BEAT: lambda turn: queue.heartbeat({"id": "one"}, (leases[turn],)),
+        "heartbeat with one lease": lambda turn: queue.heartbeat({"id": "one"}, (leases[turn],)),
         "commit a slice": commit,
         "monitor: read a job": lambda _: farm.jobs.get(first.job_id),
         "monitor: plan": lambda turn: owners.plan(first, range(turns + turn + 1)),
@@ -264,37 +221,6 @@ def costs(farm: ControlPlane, *, jobs: int, turns: int) -> Costs:
             request(turn)
         spent = farm.sample().since(before)
         found[name] = 1e6 * spent.redis_cpu_s / turns, spent.log_bytes / turns
-    return found
-
-
-def merge_costs(store: Blobs, sizes: Sequence[tuple[int, int]]) -> Costs:
-    """Return the cost of one merge by width and height.
-
-    As in a monitor, the partial is fetched, checked, decoded and added.
-    """
-    found = {}
-    for width, height in sizes:
-        name = f"{width}×{height}"
-        made = Partial(
-            job_id="one",
-            index=0,
-            first_seed=0,
-            last_seed=2,
-            spp=SPEC.slice_spp,
-            variant=_VARIANTS[0],
-            scene_sha256="0" * 64,
-            pixels=np.ones((height, width, 4), np.float32),
-        )
-        store.put(name, encode_partial(made))
-        merge, spent, content = Merge(slice_spp=SPEC.slice_spp), [], b""
-        for _ in range(_MERGES):
-            started = time.process_time()
-            content = store.get(name)
-            hashlib.sha256(content).hexdigest()
-            merge.add(decode_partial(content).pixels)
-            spent.append(time.process_time() - started)
-        store.delete(name)
-        found[name] = 1e3 * float(np.median(spent)), float(len(content))
     return found
 
 
@@ -319,9 +245,7 @@ def tables(plan: Plan, found: Found) -> dict[str, Table]:
         loads = [load for load in found.loads if any(end in load for end in ends)]
         return [[load, *(cell(load, [name]) for name in names)] for load in loads]
 
-    def of(known: Costs) -> Table:
-        return [[name, *(f"{value:.3g}" for value in cost)] for name, cost in known.items()]
-
+    asked = [[name, *(f"{value:.3g}" for value in one)] for name, one in found.costs.items()]
     periods = {
         "a slice renders for": f"{plan.render_s:g} s",
         "measured for": f"{plan.seconds:g} s",
@@ -331,9 +255,7 @@ def tables(plan: Plan, found: Found) -> dict[str, Table]:
     head = ["committed, 1/s", "merged, 1/s", "Redis, cores", "monitors, cores"]
     return {
         "scale-machine": machine_table(periods, found.others),
-        "scale-costs": [["", "Redis, µs", "its log, bytes"], *of(found.costs)],
-        "scale-merges": [["", "CPU of a merge, ms", "a partial, bytes"], *of(found.merges)],
-        "scale-plan": _planned(found.costs, dict(list(found.merges.items())[1:])),
+        "scale-costs": [["", "Redis, µs", "its log, bytes"], *asked],
         **{name: grid(*about) for name, about in _GRIDS.items()},
         "scale-rates": [
             [f"{max(plan.workers)} workers", *head, "commit, median, ms", "p99, ms"],
@@ -344,25 +266,6 @@ def tables(plan: Plan, found: Found) -> dict[str, Table]:
             *rows(idle, (" idle workers", " waiting jobs")),
         ],
     }
-
-
-def _planned(requests: Costs, merges: Costs) -> Table:
-    """Return what a planned farm would need, by the costs of its single requests."""
-    beats = _PLANNED / _HEARTBEAT_S
-    table = [["a slice takes", "slices/s", "Redis, cores", "its log, MB/s"]]
-    table[0] += [
-        f"{size}: {what}" for size in merges for what in ("partials, GB/s", "merges, cores")
-    ]
-    for render_s in _PLANNED_RENDER_S:
-        rate = _PLANNED / render_s
-        values = [rate]
-        for place in (0, 1):
-            asked = sum(times * requests[name][place] for name, times in _ASKED.items())
-            values.append((rate * asked + beats * requests[_BEAT][place]) / 1e6)
-        for cpu_ms, size in merges.values():
-            values += [rate * size / 1e9, rate * cpu_ms / 1e3]
-        table.append([f"{render_s} s", *(f"{value:.2g}" for value in values)])
-    return table
 
 
 if __name__ == "__main__":

@@ -101,8 +101,8 @@ def measure(plan: Plan) -> Found:
                         took[name] = _bare(plan, choice, cache, spp)
                 pairs[kind].append((took["ours"], took["bare"]))
             print(f"pair {number + 1} of {plan.pairs} done", file=sys.stderr)
-    _help()
-    return Found(spp, pairs, [_help() for _ in range(plan.helps)])
+    helps = [_plateau(Settings().cache, "--help") for _ in range(1 + plan.helps)]
+    return Found(spp, pairs, helps[1:])
 
 
 def _environment(cache: Path) -> dict[str, str]:
@@ -112,22 +112,19 @@ def _environment(cache: Path) -> dict[str, str]:
     return environment
 
 
+def _plateau(cache: Path, *arguments: str) -> Taken:
+    command = [sys.executable, "-m", "plateau", *arguments]
+    with timed() as taken:
+        subprocess.run(command, cwd=ROOT, env=_environment(cache), capture_output=True, check=True)
+    return taken
+
+
 def _render(plan: Plan, choice: VariantChoice, cache: Path) -> tuple[int, Taken]:
     """Return the spp at which `plateau render` converged, and its times."""
+    size = (f"-Dwidth={plan.size}", f"-Dheight={plan.size}")
+    variant = ("--variant", plan.variant) if plan.variant else ()
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "plateau", "render", str(_SCENE), "--out", out]
-        command += [f"-Dwidth={plan.size}", f"-Dheight={plan.size}"]
-        command += ["--variant", plan.variant] if plan.variant else []
-        with timed() as taken:
-            subprocess.run(
-                command,
-                cwd=ROOT,
-                env=_environment(cache),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                check=True,
-            )
+        taken = _plateau(cache, "render", str(_SCENE), "--out", out, *size, *variant)
         job = json.loads((Path(out) / "summary.json").read_text())
     expected = ("converged", plan.variant or choice.variant)
     if (job["state"], job["variant"]) != expected:
@@ -155,18 +152,6 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
             cache=cache,
             environment=_environment(cache),
         ).render()
-    return taken
-
-
-def _help() -> Taken:
-    with timed() as taken:
-        subprocess.run(
-            [sys.executable, "-m", "plateau", "--help"],
-            cwd=ROOT,
-            env=_environment(Settings().cache),
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
     return taken
 
 

@@ -10,25 +10,15 @@ counts. All ways take turns in one run, so that a busy machine slows them alike:
 """
 
 import argparse
-import json
-import multiprocessing
-import os
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from importlib.util import find_spec
-from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
 import numpy as np
 
 from bench.support.processes import cpu_s
-from bench.support.report import Table, write_report
+from bench.support.report import write_report
 from plateau.metric import Image, Mask, Percept, View, VisibleDifferences
 from plateau.metric.csf import contrast_sensitivity, luminance_threshold, masking
 from plateau.metric.vdp import BANDS, COLOUR_LUMINANCE, ELEVATION_MAX, ELEVATION_MIN, FLOOR
@@ -48,13 +38,10 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=7, help="evaluations of each way")
     options = parser.parse_args()
     cases = [(size, noise) for size in options.sizes for noise in NOISES]
-    ways = (_COMPILED, _PLAIN, _NUMPY, *([_FLIP] if Flip.is_here() else []))
+    ways = (_COMPILED, _PLAIN, _NUMPY, *([_FLIP] if find_spec("flip_evaluator") else []))
     write_report(
         "vdp",
-        {
-            "vdp": [["image", *ways], *(row(*case, ways, options.turns) for case in cases)],
-            "vdp-costs": _in_a_fresh_process(options.sizes[-1]),
-        },
+        {"vdp": [["image", *ways], *(row(*case, ways, options.turns) for case in cases)]},
         settings={"sizes": options.sizes, "turns": options.turns, "noises": NOISES},
         notes=[
             "CPU time, not wall time. Ratios are of the same turn, to the compiled way.",
@@ -70,13 +57,14 @@ def row(size: str, noise: str, ways: tuple[str, ...], turns: int) -> list[str]:
     """Return each way's CPU time, and how many times that of the compiled one it is."""
     reference, test = noisy_pair(SIZES[size], NOISES[noise])
     evaluate = _ours(reference, test)
-    flip = Flip(reference, test) if _FLIP in ways else None
-    if flip is not None:
-        evaluate[_FLIP] = flip.cpu_s
-        flip.cpu_s()  # loads it
+    if _FLIP in ways:
+        from flip_evaluator import evaluate as flip
+
+        # Its "LDR" takes values that a screen can show.
+        pair = np.clip(reference, 0, 1), np.clip(test, 0, 1), "LDR"
+        evaluate[_FLIP] = lambda: cpu_s(lambda: flip(*pair, inputsRGB=False, applyMagma=False))
+        evaluate[_FLIP]()  # loads it
     times = [{name: evaluate[name]() for name in ways} for _ in range(turns)]
-    if flip is not None:
-        flip.close()
     cells = [f"{size}, {noise}"]
     for name in ways:
         spent = median(turn[name] for turn in times)
@@ -117,55 +105,6 @@ def _ours(reference: Any, test: Any) -> dict[str, Callable[[], float]]:
     }
 
 
-def _in_a_fresh_process(size: str) -> Table:
-    """Return the costs of starting, without and with cached kernels, and the memory."""
-    with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder, name) for name in ("reference.npy", "test.npy")]
-        for file, image in zip(files, noisy_pair(SIZES[size], NOISES["weak noise"]), strict=True):
-            np.save(file, image)
-        program = "import sys; from bench.vdp import start; start(*sys.argv[1:])"
-        command = [sys.executable, "-c", program, *map(str, files)]
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(Path(folder, "kernels"))}
-        cold, warm = (
-            json.loads(subprocess.check_output(command, env=environment)) for _ in range(2)
-        )
-        cached = sum(file.stat().st_size for file in Path(folder, "kernels").rglob("*.nb?"))
-    peak = f"{size}: peak memory, both images and the interpreter included"
-    return [
-        ["", ""],
-        ["importing metric.compiled", f"{warm['import_s']:.4g} s"],
-        ["compiling the kernels", f"{cold['first_s'] - 2 * cold['again_s']:.4g} s"],
-        ["loading them from the cache", f"{warm['first_s'] - 2 * warm['again_s']:.4g} s"],
-        ["the cache", f"{cached / 2**20:.4g} MiB"],
-        [peak, f"{warm['peak_mib']:.4g} MiB"],
-    ]
-
-
-def start(*files: str) -> None:
-    """Compare two .npy files in a fresh process; print what starting costs, and the memory."""
-    reference, test = map(np.load, files)
-    began = time.process_time()
-    from plateau.metric.compiled import CompiledVisibleDifferences
-
-    import_s = time.process_time() - began
-    metric = CompiledVisibleDifferences(View())
-    began = time.process_time()
-    kept = metric.percept(reference)
-    kept.keep()
-    metric.compare(kept, metric.percept(test))
-    first_s = time.process_time() - began
-    again_s = cpu_s(lambda: metric.compare(kept, metric.percept(test)))
-    # `getrusage` would count the parent's memory as well.
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    told = {
-        "import_s": import_s,
-        "first_s": first_s,
-        "again_s": again_s,
-        "peak_mib": int(status["VmHWM"].removesuffix("kB")) / 1024,
-    }
-    json.dump(told, sys.stdout)
-
-
 class PlainPredictor(VisibleDifferences):
     """Applies each formula to every pixel, one after the other, without regard for speed."""
 
@@ -196,33 +135,6 @@ class PlainPredictor(VisibleDifferences):
         return visible | reference.non_finite | test.non_finite
 
 
-class Flip:
-    """NVIDIA's FLIP in a process of its own, since it may crash."""
-
-    def __init__(self, reference: Image, test: Image) -> None:
-        # FLIP's "LDR" takes values that a screen can show.
-        pair = (np.clip(reference, 0, 1), np.clip(test, 0, 1))
-        self._child = ProcessPoolExecutor(
-            1, multiprocessing.get_context("spawn"), initializer=_receive, initargs=pair
-        )
-
-    @staticmethod
-    def is_here() -> bool:
-        """Whether the package is installed."""
-        return find_spec("flip_evaluator") is not None
-
-    def cpu_s(self) -> float:
-        """Return the CPU time of one comparison, on all threads; infinite if its process ended."""
-        try:
-            return self._child.submit(_flip_cpu_s).result()
-        except BrokenProcessPool:
-            return float("inf")
-
-    def close(self) -> None:
-        """End the process."""
-        self._child.shutdown()
-
-
 def noisy_pair(shape: tuple[int, int], noise: float) -> tuple[Image, Image]:
     """Return two noisy images of one scene, with light that a screen can show."""
     rng = np.random.default_rng(2007)
@@ -233,20 +145,6 @@ def noisy_pair(shape: tuple[int, int], noise: float) -> tuple[Image, Image]:
         (scene * (1 + noise * rng.normal(size=scene.shape))).astype(np.float32) for _ in range(2)
     ]
     return noisy[0], noisy[1]
-
-
-_pair: list[Image] = []
-
-
-def _receive(reference: Image, test: Image) -> None:
-    _pair[:] = [reference, test]
-
-
-def _flip_cpu_s() -> float:
-    from flip_evaluator import evaluate
-
-    reference, test = _pair
-    return cpu_s(lambda: evaluate(reference, test, "LDR", inputsRGB=False, applyMagma=False))
 
 
 if __name__ == "__main__":

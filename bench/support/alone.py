@@ -140,8 +140,7 @@ def call_rates(
 ) -> dict[int, float]:
     """Return samples per second by the spp of a call, the best of some rounds over all of them.
 
-    A round renders this many samples with each size of call, or one call if that has more. The
-    first round compiles the kernels; with two or more it is hardly ever the best.
+    A round renders this many samples with each size of call, or one call if that has more.
     """
     calls = {spp: max(1, samples // (spp * case.pixels)) for spp in calls_spp}
     readings = list(calls) * rounds

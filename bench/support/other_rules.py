@@ -4,20 +4,14 @@ They serve comparison alone; no job can name them. If a product does more than i
 class says so.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plateau.metric.display import displayed
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric import Image, Mask, View
-    from plateau.metric.display import Plane
+from plateau.metric import Image, Mask, View
+from plateau.metric.display import Plane, displayed
 
 #: The gamma at the end of LuxCore's image pipeline.
 LUXCORE_GAMMA = 2.2
@@ -35,15 +29,9 @@ class LuxCoreHalt:
     The render ends when no channel of any pixel differs by more than `threshold`. The caller
     chooses the distance between checks.
 
-    Notes
-    -----
     The product displays the render by its tone mapping; here our view does, with the same gamma.
-    Its default threshold is 5/256, rounded here to 0.02.
-
-    References
-    ----------
-    LuxCoreRender/LuxCore, src/slg/film/convtest/filmconvtest.cpp (Apache-2.0);
-    batch.haltnoisethreshold.warmup and .step are 64 spp by default.
+    Its default threshold is 5/256, rounded here to 0.02 (LuxCoreRender/LuxCore,
+    src/slg/film/convtest/filmconvtest.cpp, Apache-2.0); warm-up and step are 64 spp by default.
     """
 
     view: View
@@ -62,45 +50,19 @@ class LuxCoreHalt:
 
 
 def luxcore_displayed(image: Image, view: View) -> Image:
-    """Return an image's displayed values with gamma, (H, W, 3) float32 in [0, 1].
-
-    Examples
-    --------
-    >>> from plateau.metric import View
-    >>> luxcore_displayed(np.full((1, 1, 3), [0, 0.5, 2], np.float32), View()).round(2).tolist()
-    [[[0.0, 0.7300000190734863, 1.0]]]
-    """
+    """Return an image's displayed values with gamma, (H, W, 3) float32 in [0, 1]."""
     encoded: Image = np.power(displayed(image, view), np.float32(1 / LUXCORE_GAMMA))
     return encoded
 
 
 def cycles_error(image: Image, half: Image) -> Plane:
-    """Return Cycles' error of each pixel, (H, W).
+    """Return Cycles' error of each pixel, (H, W), of an image I and of A, half of its samples.
 
     That is |I - A| summed over the channels, divided by 1e-4 plus s, or plus the square root of s
-    if s is under 1, where s is the sum of I.
-
-    Parameters
-    ----------
-    image
-        I, (H, W, 3) linear radiance.
-    half
-        A, of half of the samples of I, likewise.
-
-    Notes
-    -----
-    After H. Dammertz et al., A hierarchical automatic stopping condition for Monte Carlo global
-    illumination, WSCG 2010, section 2.1, except for s of 1 or more.
-
-    References
-    ----------
-    Blender, intern/cycles/kernel/film/adaptive_sampling.h (Apache-2.0).
-
-    Examples
-    --------
-    >>> grey, off = np.full((1, 1, 3), 0.03, np.float32), np.full((1, 1, 3), 0.04, np.float32)
-    >>> cycles_error(grey, off).round(3).tolist()  # 0.03 / sqrt(0.09)
-    [[0.10000000149011612]]
+    if s is under 1, where s is the sum of I (Blender, Apache-2.0,
+    intern/cycles/kernel/film/adaptive_sampling.h). It is after H. Dammertz et al., A hierarchical
+    automatic stopping condition for Monte Carlo global illumination, WSCG 2010, section 2.1, except
+    for s of 1 or more.
     """
     total = np.maximum(image.sum(axis=-1), np.float32(0))  # a negative sum has no root
     scale = np.where(total < 1, np.sqrt(total), total)
@@ -112,15 +74,8 @@ def cycles_error(image: Image, half: Image) -> Plane:
 class CyclesThreshold:
     """Cycles' noise threshold: an image is done when the error of every pixel is under it.
 
-    Notes
-    -----
-    Cycles then takes no more samples at all. It stops sampling a single pixel as soon as that pixel
-    is done: see `CyclesAdaptive`.
-
-    References
-    ----------
-    As `cycles_error`; intern/cycles/scene/integrator.cpp for the factor of 5 and for the default
-    minimum of 64 spp with a threshold of 0.01.
+    It stops sampling a single pixel as soon as that pixel is done: see `CyclesAdaptive`. The factor
+    of 5 and the default minimum are those of intern/cycles/scene/integrator.cpp.
     """
 
     threshold: float = 0.01
@@ -142,14 +97,7 @@ class CyclesAdaptive:
 
     It takes samples two slices at a time; the first of each two make up A. A finished pixel gets no
     samples until one of its eight neighbours is found unfinished.
-
-    Notes
-    -----
-    Cycles checks every 16 spp; here the check follows every two slices.
-
-    References
-    ----------
-    As `CyclesThreshold`.
+    Cycles checks every 16 spp.
     """
 
     rule: CyclesThreshold = field(default_factory=CyclesThreshold)
@@ -194,13 +142,7 @@ class CyclesAdaptive:
 
 
 def with_neighbours(pixels: Mask) -> Mask:
-    """Return the pixels and their eight neighbours.
-
-    Examples
-    --------
-    >>> with_neighbours(np.eye(4, dtype=bool)[:2]).astype(int).tolist()
-    [[1, 1, 1, 0], [1, 1, 1, 0]]
-    """
+    """Return the pixels and their eight neighbours."""
     padded = np.pad(pixels, 1)
     height, width = pixels.shape
     shifted = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3)]

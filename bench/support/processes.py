@@ -46,21 +46,10 @@ def take_turns(
     *,
     look: Callable[[], None] = lambda: None,
 ) -> dict[str, Ran]:
-    """Let processes, each with its descendants, run in turns until all have ended.
+    """Let new processes, each with its descendants, run in turns until all have ended.
 
-    Parameters
-    ----------
-    processes
-        Newly started processes by name, in the order of their turns.
-    turn_s
-        Seconds of a turn.
-    look
-        Called twice a second and between turns, whoever's turn it is: so all pay for it alike.
-
-    Raises
-    ------
-    ChildProcessError
-        One failed; all others are killed.
+    `look` is called twice a second and between turns, whoever's turn it is: so all pay for it
+    alike. If one fails, all others are killed, and `ChildProcessError` is raised.
     """
     ran = {name: Ran() for name in processes}
     trees = {name: _Tree(process) for name, process in processes.items()}

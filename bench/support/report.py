@@ -80,11 +80,6 @@ def renewed(known: Table | None, new: Table, key: Callable[[str], str] = str) ->
     return made + rows
 
 
-def turned(table: Table) -> Table:
-    """Return a table with its columns as rows."""
-    return [list(column) for column in zip(*table, strict=True)]
-
-
 def _as_json(about: Mapping[str, Any], tables: Mapping[str, Table]) -> str:
     """Return a report as JSON, with a line for each row."""
 

@@ -47,9 +47,6 @@ class Sample:
     monitors_cpu_s: float
     merged_at: float  #: when monitors last reported their work, by Redis's clock
     merges: float
-    merges_us: float
-    evaluations: float
-    evaluations_us: float
 
     def since(self, before: "Sample") -> "Sample":
         """Return the costs between two moments; `at` and `merged_at` are then durations."""
@@ -60,7 +57,7 @@ class Sample:
 class ControlPlane:
     """An embedded Redis in `folder`, and monitors, while the context lasts.
 
-    With `fsync`, every write to Redis is on disk before it is answered, as always in Plateau.
+    Every write to Redis is on disk before it is answered, as always in Plateau.
     """
 
     def __init__(
@@ -69,9 +66,8 @@ class ControlPlane:
         blobs: Path,
         *,
         monitors: int = 1,
-        fsync: bool = True,
     ) -> None:
-        self._folder, self.blobs, self._count, self._fsync = folder, str(blobs), monitors, fsync
+        self._folder, self.blobs, self._count = folder, str(blobs), monitors
         self._monitors: list[psutil.Process] = []
         self._over = ExitStack()
 
@@ -80,9 +76,6 @@ class ControlPlane:
             self._server = EmbeddedRedis(self._folder / "redis")
             starting.callback(self._server.stop)
             self.client = starting.enter_context(connect(self._server.url))
-            if not self._fsync:
-                server: Any = self.client
-                server.config_set("appendfsync", "no")
             check_schema(self.client)
             check_pair(self.client, Blobs(self.blobs))
             self.jobs = Jobs(self.client)
@@ -168,15 +161,12 @@ class ControlPlane:
         )
 
     def _done_by_monitors(self) -> dict[str, float]:
-        names = ("merges", "merges_us", "evaluations", "evaluations_us")
-        done = dict.fromkeys(("merged_at", *names), 0.0)
+        done = {"merged_at": 0.0, "merges": 0.0}
         for monitor_id in self.client.zrange(keys.MONITORS, 0, -1):
-            told = self.client.hgetall(f"{keys.PREFIX}monitor:{monitor_id}")
+            told = self.client.hgetall(keys.monitor(monitor_id))
             done["merged_at"] += float(told["seen_at"]) / 1000 / self._count
-            for name, start in (("merges", "did merge "), ("evaluations", "did evaluation ")):
-                runs = (int(n) for one, n in told.items() if one.startswith(f"{start}le "))
-                done[name] += sum(runs)
-                done[f"{name}_us"] += int(told.get(f"{start}us", 0))
+            runs = (int(n) for one, n in told.items() if one.startswith("did merge le "))
+            done["merges"] += sum(runs)
         return done
 
     @staticmethod

@@ -52,7 +52,6 @@ class Slice:
 
     at: float
     lease_s: float
-    put_s: float
     commit_s: float
 
 
@@ -115,7 +114,7 @@ class _Worker:
         answer = self._queue.commit(lease, record, width=size, height=size, notes=())
         now = time.monotonic()
         if answer is Committed.COMMITTED:
-            self.done.append(Slice(now, leased - started, stored - rendered, now - stored))
+            self.done.append(Slice(now, leased - started, now - stored))
 
     def heartbeat(self) -> None:
         held = self._held

@@ -5,7 +5,7 @@ scaled to each pixel's number of samples.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.metric import VisibleDifferences
-from plateau.metric.zone_noise import zone_sums
 
 Floats = NDArray[np.float64]
 #: Groups of slices. The larger each is, the less its noise differs from that of a finished image.
 GROUPS = 12
-#: The samples at which the oracle knows each zone, as factors of those of whole frames.
-_FACTORS = np.geomspace(1 / 32, 8, 28)
 
 
 @dataclass(eq=False)
@@ -55,43 +52,18 @@ class Truth:
         image: NDArray[np.float32] = noisy.astype(np.float32)
         return image
 
-    def visible(self, spp: NDArray[Any] | float, groups: Sequence[int] | None = None) -> Floats:
+    def visible(self, spp: NDArray[Any] | float) -> Floats:
         """Return the share of the groups in which each pixel is visible at its spp, (H, W)."""
-        chosen = range(GROUPS) if groups is None else groups
         seen = np.zeros(self._mean.shape[:2])
-        for number in chosen:
+        for number in range(GROUPS):
             percept = self.metric.percept(self.image(number, spp))
             seen += self.metric.compare(self._percept, percept).visible
-        seen /= len(chosen)
-        return seen
+        return seen / GROUPS
 
-    def spp_at(
-        self, allowed: float, spp: NDArray[Any] | float, groups: Sequence[int] | None = None
-    ) -> float:
+    def spp_at(self, allowed: float, spp: NDArray[Any] | float) -> float:
         """Return the mean spp at which samples spread like these leave `allowed` pixels visible."""
-        factor = crossing(
-            lambda factor: float(self.visible(np.asarray(spp) * factor, groups).sum()), allowed
-        )
+        factor = crossing(lambda one: float(self.visible(np.asarray(spp) * one).sum()), allowed)
         return float(np.mean(spp)) * factor
-
-    def oracle(self, allowed: float, size: int) -> float:
-        """Return the mean spp of who knows the noise of each zone from half of the groups."""
-        known, others = list(range(0, GROUPS, 2)), list(range(1, GROUPS, 2))
-        spp = self.spp_at(allowed, 1000.0, known) * _FACTORS
-        counts = np.stack([zone_sums(self.visible(one, known), size) for one in spp], axis=-1)
-
-        def cheapest(price: float) -> Floats:
-            best: Floats = spp[(spp * size**2 + price * counts).argmin(axis=-1)]
-            return best
-
-        def left(price: float) -> float:
-            place = (spp * size**2 + price * counts).argmin(axis=-1)[..., np.newaxis]
-            return float(np.take_along_axis(counts, place, -1).sum())
-
-        best = cheapest(1000 * crossing(lambda price: left(1000 * price), allowed))
-        height, width = self._mean.shape[:2]
-        pixels = best.repeat(size, axis=0).repeat(size, axis=1)[:height, :width]
-        return self.spp_at(allowed, pixels, others)
 
 
 def crossing(falling: Callable[[float], float], value: float) -> float:
