@@ -4,5 +4,3 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[1]
-#: A scene without noise, whose job converges at once.
-STILL: Final = ROOT / "bench" / "support" / "still"

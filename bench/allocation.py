@@ -1,161 +1,153 @@
 """What samples by zones save: `make bench-allocation`.
 
-Jobs of each scene are replayed from recorded slices until the rule `visible` stops them: whole
-frames, the farm's zones, and other ways to spread samples. What they leave visible is then counted
-by the noise of the whole recording, and so is how many samples each way needs for the same truth. A
-second part measures how much deciding by the samples that one keeps biases.
+Jobs of each scene, of whole frames and by zones, are replayed from recorded slices until `visible`
+stops them. What they leave visible is counted by the noise of the whole recording.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench.allocating import fireflies
-from bench.allocating.bias import CASES, DECIDED, SIDES, study
-from bench.allocating.film import JUDGING, Film
-from bench.allocating.recordings import SCENES, add_options, recorded
-from bench.allocating.truth import Truth
-from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
-from bench.support import markdown
-from bench.support.farms.plateau_render import render
-from bench.support.report import Figure, last_figures, last_report, renewed, write_report
-from plateau import scenes
-from plateau.farm.images.exr import decode_layers
-from plateau.metric import View, Visible, VisibleDifferences
+from bench.support.film import JUDGING, OTHERS, Film, modelled, spread
+from bench.support.recordings import RECORDED, SCENES, parser_of, recorded, recordings_row
+from bench.support.report import last_tables, write_report
+from bench.support.truth import Truth
+from plateau.metric import Evidence, Mask, View, Visible, VisibleDifferences
+from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
+TARGET: Final = 0.0002
+FRAMES: Final = "whole frames"
+SPP, ESTIMATE, TRUTH, SAME = "spp", "estimate", "truth", "spp at the target's truth"
+_NOTES = (
+    "Jobs are replayed: a pixel's first samples are the same in every way to spread them.",
+    "A round is always in flight: it was decided before the image that is judged.",
+    "Truth is a mean over 12 samples of noise, scaled; a job has seen 10 % to 30 % of it.",
+)
 
-    from numpy.typing import NDArray
 
-    from bench.allocating.recordings import Size
-    from bench.allocating.ways import Way
-    from bench.experiment.cases import Case
+#: Samples of a round of whole frames, and the least share that a round adds to a job.
+STEP, LEAST = 100, 0.04
 
-TARGET = 0.0002
-FRAMES, ORACLE = "whole frames", "oracle, {} px"
+
+class Way(Protocol):
+    """One way to allocate."""
+
+    def plan(
+        self, film: Film, seen: Evidence, flying: NDArray[np.int64], target: float
+    ) -> tuple[Mask, int]:
+        """Return the pixels of the next round, and their samples.
+
+        `seen` is the film as it is judged, and `flying` the samples of the round that is rendered.
+        """
+
+
+class Frames:
+    """Whole frames."""
+
+    def plan(self, film: Film, *_: Any) -> tuple[Mask, int]:
+        """Return the next round."""
+        return np.ones(film.spp.shape, np.bool_), film.whole(max(STEP, LEAST * film.mean_spp))
+
+
+@dataclass
+class Zones:
+    """The farm's allocator."""
+
+    size: int
+    split: Any = OTHERS  #: of the slices: the noise by which it decides
+
+    def plan(
+        self, film: Film, seen: Evidence, flying: NDArray[np.int64], target: float
+    ) -> tuple[Mask, int]:
+        """Return the next round."""
+        judged = seen if self.split is JUDGING else film.evidence(seen.metric, self.split)
+        each = np.s_[:: self.size, :: self.size]
+        plan = plan_round(
+            seen.metric,
+            *modelled(judged),
+            target,
+            spp=film.spp[each],
+            planned=(film.spp + flying)[each],
+            size=self.size,
+        )
+        return spread(plan.zones, self.size, film.spp), film.whole(plan.spp)
+
+
+#: The ways to allocate.
 WAYS: dict[str, Callable[[], Way]] = {
     FRAMES: Frames,
     "zones, 16 px": lambda: Zones(16),
     "zones, 32 px": lambda: Zones(32),
     "zones, 64 px": lambda: Zones(64),
     "zones, 16 px, by the judging halves": lambda: Zones(16, JUDGING),
-    "naive, 16 px": lambda: Naive(16),
-    "Neyman, 16 px": lambda: Neyman(16),
-    "Cycles, by pixels": Cycles,
 }
-_SPP, _EST, _TRUTH, _SAME = "spp", "estimate", "truth", "spp at the target's truth"
-_NOTES = (
-    "Jobs are replayed: a pixel's first samples are the same in every way to spread them.",
-    "A round is always in flight: it was decided before the image that is judged.",
-    "Truth is a mean over 12 samples of noise, scaled; a job has seen 10 % to 30 % of it.",
-    "The oracle knows the noise of each zone from half of these, and is judged by the others.",
-)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_options(parser)
-    parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
-    parser.add_argument(
-        "--live",
-        action="store_true",
-        help="render a job by zones of 16 px instead of replaying any: for scenes of which zones "
-        "need more samples than can be recorded",
-    )
-    asked = parser.parse_args()
-    kept = last_figures("allocation")
-    settings = last_report("allocation")["settings"].get("scenes", {})
+    asked = parser_of(__doc__).parse_args()
     for name in asked.cases:
-        recording = recorded(SCENES[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
-        scene = f"{name}, {asked.pixels} px"
-        settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
-        if asked.live:
-            settings[scene] |= {"runs": 1, "live": True}
-        truth = Truth(CompiledVisibleDifferences(View()), recording, asked.slice_spp)
-        if asked.live:
-            out = asked.data / f"{SCENES[name].slug}-{asked.pixels}-live"
-            rows = live(SCENES[name], truth, asked.pixels, out)
-        else:
-            rows = measured(recording, truth, asked.slice_spp, asked.runs)
-        kept = renewed(
-            kept,
-            scene,
-            (
-                Figure(name=f"{way}: {what}", value=value, unit=unit_of(what))
-                for way, row in rows.items()
-                for what, value in row.items()
-            ),
+        truth = Truth(
+            CompiledVisibleDifferences(View()), recorded(SCENES[name], asked), asked.slice_spp
         )
-    kept = [one for one in kept if not one.name.startswith("bias: ")]
-    study(lambda name, one: kept.extend(one.figures(name)))
-    fireflies.study(lambda name, one: kept.extend(one.figures(name)), asked.renders)
-    about = {"target": TARGET, "scenes": settings}
-    report = write_report("allocation", kept, settings=about, notes=_NOTES)
-    markdown.fill(markdown.DOCS / "allocation.md", tables(report))
+        column = {"way": f"{name}, {asked.pixels} px", **cells(measured(truth, asked.runs))}
+        known = {row[0]: row for row in last_tables("allocation")["allocation"]}
+        # Scenes are columns; what is not measured any more stays.
+        head = known["way"]
+        place = head.index(column["way"]) if column["way"] in head else len(head)
+        for way, row in known.items():
+            row[place : place + 1] = [column.get(way, row[place] if place < len(row) else "–")]
+        recordings = [RECORDED, recordings_row(name, asked, asked.runs)]
+        write_report(
+            "allocation",
+            {"allocation": list(known.values()), "allocation-recordings": recordings},
+            settings={"target": TARGET},
+            notes=_NOTES,
+            document="allocation.md",
+        )
 
 
-def measured(
-    recording: NDArray[np.float32], truth: Truth, slice_spp: int, runs: int
-) -> dict[str, dict[str, float]]:
+def measured(truth: Truth, runs: int) -> dict[str, dict[str, float]]:
     """Return what each way spent and left, as means over the runs; nothing if one did not end."""
-    metric = truth.metric
+    metric, recording = truth.metric, truth.recording
     allowed = allowed_pixels(TARGET, recording.shape[1] * recording.shape[2])
     rows: dict[str, list[dict[str, float]]] = {}
     for run in range(runs):
         order = np.random.default_rng(run).permutation(len(recording))
-        film = Film(recording, slice_spp, order)
+        film = Film(recording, truth.slice_spp, order)
         for name, way in WAYS.items():
             film.clear()
             estimate = ended(film, way(), metric)
             if estimate is not None:
                 left = float(truth.visible(film.spp).sum())
                 same = truth.spp_at(allowed, film.spp)
-                row = {_SPP: film.mean_spp, _EST: estimate, _TRUTH: left, _SAME: same}
+                row = {SPP: film.mean_spp, ESTIMATE: estimate, TRUTH: left, SAME: same}
                 rows.setdefault(name, []).append(row)
-    found = {
+    return {
         name: {what: float(np.mean([row[what] for row in some])) for what in some[0]}
         for name, some in rows.items()
         if len(some) == runs
     }
-    return found | oracles(truth, allowed)
 
 
-def live(case: Case, truth: Truth, size: Size, out: Path) -> dict[str, dict[str, float]]:
-    """Return what a real job by zones spent and left, and what whole frames need for the same.
+def cells(found: dict[str, dict[str, float]]) -> dict[str, str]:
+    """Return the cell of each way: what it saves, at the same truth, and estimate over truth."""
+    frames = found.get(FRAMES, {})
 
-    The job's results are in the folder `out`; it is rendered if there is none.
-    """
-    if not out.exists():
-        film = {"width": size.width, "height": size.height, "intensity": f"{case.intensity:g}"}
-        options = {"--allocation": "zones", "--max-spp": 50_000}
-        render(scenes.FOLDER / case.family, out, parameters=film, options=options)
-    spp = decode_layers((out / "image.exr").read_bytes())["spp"]
-    job = json.loads((out / "summary.json").read_text())
-    allowed = allowed_pixels(TARGET, spp.size)
-    zones = {
-        _SPP: float(spp.mean()),
-        _EST: job["estimate_pixels"],
-        _TRUTH: float(truth.visible(spp).sum()),
-        _SAME: truth.spp_at(allowed, spp),
-    }
+    def fewer(one: dict[str, float], what: str) -> str:
+        return f"{frames[what] / one[what]:.2f}" if what in frames else "–"
+
     return {
-        FRAMES: {_SAME: truth.spp_at(allowed, float(spp.mean()))},
-        "zones, 16 px": zones,
-        **oracles(truth, allowed),
-    }
-
-
-def oracles(truth: Truth, allowed: float) -> dict[str, dict[str, float]]:
-    """Return what zones of two sizes need if their noise is known."""
-    return {ORACLE.format(size): {_SAME: truth.oracle(allowed, size)} for size in (16, 32)}
+        way: "not ended" if one is None
+        else f"{fewer(one, SPP)}, {fewer(one, SAME)}, "
+        + (f"{one[ESTIMATE] / one[TRUTH]:.2f}" if one[TRUTH] else "–")
+        for way in WAYS
+        for one in [found.get(way)]
+    }  # fmt: skip
 
 
 def ended(film: Film, way: Way, metric: VisibleDifferences) -> float | None:
@@ -174,54 +166,6 @@ def ended(film: Film, way: Way, metric: VisibleDifferences) -> float | None:
         flying = following
         if film.exhausted:
             return None
-
-
-def unit_of(what: str) -> str:
-    return "pixels" if what in (_EST, _TRUTH) else "spp"
-
-
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return every table by the name of its place in the document."""
-    values = {one["name"]: one["value"] for one in report["figures"]}
-    found = list(report["settings"]["scenes"])
-    ways = [*WAYS, *(ORACLE.format(size) for size in (16, 32))]
-
-    def cell(scene: str, way: str) -> str:
-        first, one = (
-            [values.get(f"{scene}: {name}: {what}") for what in (_SPP, _SAME, _EST, _TRUTH)]
-            for name in (FRAMES, way)
-        )
-        same = "–" if one[1] is None or first[1] is None else f"{first[1] / one[1]:.2f}"
-        if way.startswith("oracle"):
-            return f"same truth {same}"
-        if one[0] is None:
-            return "not ended"
-        stop = "–" if first[0] is None else f"{first[0] / one[0]:.2f}"
-        ratio = "–" if not one[3] else f"{one[2] / one[3]:.2f}"
-        return f"{stop}, {same}, {ratio}"
-
-    spent = markdown.table(
-        ["way", *found],
-        [[way, *(cell(scene, way) for scene in found)] for way in ways],
-    )
-    bias = markdown.table(
-        ["noise, zone", "by all samples", "by the difference of two halves"],
-        [
-            [f"{kind}, {side} px", *(error(values, f"{kind}, {side} px, {by}") for by in DECIDED)]
-            for kind in CASES
-            for side in SIDES
-        ],
-    )
-    own = markdown.table(
-        ["noise", "error of the mean"],
-        [[kind, error(values, f"allocator, {kind}")] for kind in fireflies.CASES],
-    )
-    return {"allocation": spent, "allocation-bias": bias, "allocation-fireflies": own}
-
-
-def error(values: dict[str, float], name: str) -> str:
-    """Return a bias with its 95 % confidence interval."""
-    return f"{values[f'bias: {name}: mean']:+.3%} ± {values[f'bias: {name}: doubt']:.3%}"
 
 
 if __name__ == "__main__":

@@ -4,210 +4,302 @@ Images of more and more samples are put together from recorded slices: as they a
 the farm delivers them, blended. The rest of the recording says how many pixels are visibly wrong.
 """
 
-from __future__ import annotations
-
-import argparse
-import subprocess
-import sys
-from itertools import product
-from pathlib import Path
-from typing import TYPE_CHECKING, Final
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench import ROOT
-from bench.allocating.denoised_frames import Point, by_peers, ended, points, spp_at
-from bench.allocating.denoised_zones import looks
-from bench.allocating.denoising_tables import (
-    BLEND,
-    DENOISED,
-    KINDS,
-    OWN,
-    RAW,
-    RULES,
-    TARGETS,
-    best_of,
-    peers_of,
-    tables,
-    zones_of,
+from bench.support.recordings import (
+    HARD,
+    RECORDED,
+    SCENES,
+    guides_of,
+    parser_of,
+    recorded,
+    recordings_row,
 )
-from bench.allocating.peers import PEERS
-from bench.allocating.recordings import HARD, SCENES, add_options, recorded
-from bench.allocating.true_risk import shares
-from bench.support import markdown
-from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
-from plateau.metric import View, Visible
+from bench.support.report import Table, spread, write_report
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.spec import JobSpec
+from plateau.metric import (
+    Evidence,
+    Half,
+    Image,
+    View,
+    Visible,
+    VisibleDifferences,
+    allowed_pixels,
+    blended,
+)
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.service.monitor.denoising import oidn
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from bench.allocating.recordings import Size
-    from bench.experiment.cases import Case
-
+TARGETS: Final = (0.001, 0.0002)
+RAW, DENOISED, BLEND = "raw", "denoised alone", "blend"
 #: Shares of the pixels from which on an estimate is compared with the truth.
-ENOUGH = 0.001
-_NOTES = (
+ENOUGH: Final = 0.001
+_NOTES: Final = (
     "Images are put together from recorded slices; the rest of the recording is the reference.",
     "What the reference's own noise makes visible is estimated, and taken from what is counted.",
 )
+_HEADS: Final = {
+    "denoising": (
+        *("scene", "0.10 % wrong", "0.02 % wrong", "the rule's end"),
+        *("wrong then, raw", "blend"),
+    ),
+    "denoising-quality": (
+        *("scene", "denoised alone, wrong pixels of raw", "blend, wrong pixels of raw"),
+        *("raw, estimate / truth", "blend, estimate / truth"),
+    ),
+    "denoising-determined": ("scene", "points", "determined", "of these, twice as wrong"),
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     every = SCENES | HARD
-    add_options(parser, choices=every)
-    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    asked = parser.parse_args()
-    kept = last_figures("denoising")
-    settings = last_report("denoising")["settings"].get("scenes", {})
+    asked = parser_of(__doc__, every).parse_args()
     for name in asked.cases:
-        case = every[name]
-        recording = recorded(case, asked.pixels, asked.spp, asked.slice_spp, asked.data)
-        guides = guides_of(case, asked.pixels, asked.data)
-        scene = f"{name}, {asked.pixels} px"
-        for part in asked.parts:
-            name_of, measure = PARTS[part]
-            found = measure(recording, asked.slice_spp, guides, asked.runs)
-            kept = renewed(kept, name_of(scene), found)
-            settings[name_of(scene)] = {
-                "spp": asked.spp,
-                "slice_spp": asked.slice_spp,
-                "runs": asked.runs,
-            }
-    report = write_report("denoising", kept, settings={"scenes": settings}, notes=_NOTES)
-    markdown.fill(markdown.DOCS / "denoising.md", tables(report))
+        recording, guides = recorded(every[name], asked), guides_of(every[name], asked)
+        rows = [
+            points(recording, asked.slice_spp, guides, order)
+            for order in (
+                np.random.default_rng(run).permutation(len(recording)) for run in range(asked.runs)
+            )
+        ]
+        recordings = [RECORDED, recordings_row(name, asked, asked.runs)]
+        write_report(
+            "denoising",
+            {**tables(f"{name}, {asked.pixels} px", rows), "denoising-recordings": recordings},
+            settings={},
+            notes=_NOTES,
+            document="denoising.md",
+        )
 
 
-def guides_of(case: Case, size: Size, data: Path) -> NDArray[np.float32]:
-    """Return albedo and normals of a scene, (2, H, W, 3)."""
-    file = data / f"{case.slug}-{size}.guides.npy"
-    if not file.exists():
-        command = [case.family, *map(str, (*size, file))]
-        module = [sys.executable, "-m", "bench.allocating.guides"]
-        subprocess.run([*module, *command], check=True, cwd=ROOT)
-    found: NDArray[np.float32] = np.load(file)
-    return found
-
-
-def figures(
-    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
-) -> list[Figure]:
+def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
     """Return what the runs found of a scene."""
-    rows = [points(recording, slice_spp, guides, order) for order in orders(recording, runs)]
-    found = [one for kind in KINDS for one in needed(rows, kind, f"{kind}: ")]
-    for kind, name in ((RAW, OWN), *product((BLEND, DENOISED), RULES)):
-        if (kind, name) == (DENOISED, OWN):  # whose error is not estimated
-            continue
-        ends = [ended(row, kind, name) for row in rows]
-        stopped = [point for point in ends if point is not None]
-        if len(stopped) == runs:
-            found.append(figure(f"{kind}: {name}: spp", [one.spp for one in stopped], "spp"))
-            wrong = [one.wrong[kind] for one in stopped]
-            found.append(figure(f"{kind}: {name}: wrong", wrong, "of the pixels"))
-    for kind in (RAW, BLEND):
-        ratios = [
-            point.estimate(kind) / point.wrong[kind]
-            for row in rows
-            for point in row
-            if point.wrong[kind] >= ENOUGH
-        ]
-        if ratios:
-            found.append(figure(f"{kind}: estimate / truth", ratios, "ratio"))
-    same = [point for row in rows for point in row]
-    for kind in (DENOISED, BLEND):
-        ratio = [p.wrong[kind] / p.wrong[RAW] for p in same if p.wrong[RAW] >= ENOUGH]
-        found.append(figure(f"{kind}: wrong, of raw", ratio, "ratio"))
-    told = {"points": len(same), "determined": sum(one.is_determined for one in same)}
-    told["determined, and twice as wrong"] = sum(
-        one.is_determined and one.wrong[BLEND] > 2 * max(one.estimate(BLEND), Visible().target)
-        for one in same
+    every = [point for row in rows for point in row]
+    at_end = {kind: stops(rows, kind) for kind in (RAW, BLEND)}
+    needed = [
+        *({kind: needs(rows, kind, target) for kind in (RAW, BLEND)} for target in TARGETS),
+        {kind: None if end is None else end[0] for kind, end in at_end.items()},
+    ]
+
+    def wrong_of_raw(kind: str) -> str:
+        return _spread([p.wrong[kind] / p.wrong[RAW] for p in every if p.wrong[RAW] >= ENOUGH])
+
+    def estimated(kind: str) -> str:
+        found = [p.estimate(kind) / p.wrong[kind] for p in every if p.wrong[kind] >= ENOUGH]
+        return _spread(found)
+
+    determined = [one for one in every if one.is_determined]
+    twice = [
+        one
+        for one in determined
+        if one.wrong[BLEND] > 2 * max(one.estimate(BLEND), Visible().target)
+    ]
+    content = {
+        "denoising": [
+            [
+                scene,
+                *map(_fewer, needed),
+                *("–" if end is None else f"{end[1]:.3%}" for end in at_end.values()),
+            ]
+        ],
+        "denoising-quality": [
+            [
+                *(scene, wrong_of_raw(DENOISED), wrong_of_raw(BLEND)),
+                *(estimated(RAW), estimated(BLEND)),
+            ]
+        ],
+        "denoising-determined": [[scene, *(str(len(one)) for one in (every, determined, twice))]],
+    }
+    return {name: [list(head), *content[name]] for name, head in _HEADS.items()}
+
+
+def stops(rows: Sequence[Sequence["Point"]], kind: str) -> tuple[float, float] | None:
+    """Return where `visible` ends the jobs, and what is wrong; None if it did not."""
+    ends = [one for row in rows if (one := ended(row, kind)) is not None]
+    if len(ends) < len(rows):
+        return None
+    return median(one.spp for one in ends), median(one.wrong[kind] for one in ends)
+
+
+def needs(rows: Sequence[Sequence["Point"]], kind: str, target: float) -> float | None:
+    """Return the samples that a target takes, if all runs come to it."""
+    spp = [one for row in rows if (one := spp_at(row, kind, target)) is not None]
+    return median(spp) if len(spp) == len(rows) else None
+
+
+def _fewer(spp: dict[str, float | None]) -> str:
+    """Return both numbers, and how many times fewer the blend's is."""
+    raw, blend = spp[RAW], spp[BLEND]
+    shown = ("–" if one is None else f"{one:,.0f}" for one in (raw, blend))
+    times = "–" if raw is None or blend is None else f"{raw / blend:.2f}"
+    return f"{' / '.join(shown)} = {times}"
+
+
+def _spread(values: list[float]) -> str:
+    return spread(values, 2) if values else "–"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """An image of so many samples: the shares of its pixels that are visibly wrong."""
+
+    spp: float
+    wrong: dict[str, float]  #: of each kind, counted
+    seen: dict[str, Evidence]
+    is_look: bool = False  #: whether a denoised job judges it
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the samples tell how wrong the denoiser is, for Plateau's own rule."""
+        found = self.seen[BLEND]
+        assert found.estimate is not None
+        return found.estimate.is_determined(allowed_pixels(Visible().target, found.pixels))
+
+    def estimate(self, kind: str) -> float:
+        """Return the estimate of an image, raw or blended."""
+        estimate = self.seen[kind].estimate
+        assert estimate is not None
+        return estimate.fraction
+
+
+def points(
+    recording: NDArray[np.float32],
+    slice_spp: int,
+    guides: NDArray[np.float32],
+    order: NDArray[np.intp],
+) -> list[Point]:
+    """Return the looks of a job, and points between, as long as half of the recording remains."""
+    spec = JobSpec(
+        slice_spp=slice_spp,
+        step=4 * slice_spp,
+        max_spp=len(recording) // 8 * 4 * slice_spp,
+        denoise={"name": "oidn"},
     )
-    found += [figure(f"{BLEND}: {name}", [count], "points") for name, count in told.items()]
-    found.append(figure("a look", [point.seconds for point in same], "s"))
-    found.append(figure("a look: cores", [point.core_seconds for point in same], "core s"))
-    return found
+    plan, metric = Plan.of(spec), CompiledVisibleDifferences(View())
+    total, sums = recording.sum(axis=0, dtype=np.float64), np.zeros((4, *recording.shape[1:]))
+    row: list[Point] = []
+    between = plan
+    for slices in range(1, plan.stop + 1):
+        sums[(slices - 1) % 4] += recording[order[slices - 1]]
+        is_look = plan.is_point(slices)
+        if is_look or between.is_point(slices):
+            between = between.with_point(slices, None)
+            reference = (total - sums.sum(axis=0)) / (len(recording) - slices)
+            share = slices / (len(recording) - slices)
+            row.append(
+                point(metric, sums, slices, slice_spp, reference.astype(np.float32), share, guides)
+            )
+        if is_look:
+            row[-1] = replace(row[-1], is_look=True)
+            ahead = row[-1].seen[BLEND].forecast(Visible().target)
+            expected_spp = spec.rule.behaviour.expected_end_spp(
+                None if ahead is None else ahead.spp
+            )
+            plan = plan.with_point(slices, expected_spp)
+    return row
 
 
-def figures_of_peers(
-    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
-) -> list[Figure]:
-    """Return what other renderers deliver that stop in all runs, denoised."""
-    rows = [by_peers(recording, slice_spp, guides, order) for order in orders(recording, runs)]
-    found = []
-    for peer in PEERS:
-        if all(peer in row for row in rows):
-            found.append(figure(f"{peer}: spp", [row[peer][0] for row in rows], "spp"))
-            wrong = [row[peer][1] for row in rows]
-            found.append(figure(f"{peer}: wrong", wrong, "of the pixels"))
-    return found
-
-
-def figures_by_zones(
-    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
-) -> list[Figure]:
-    """Return what the runs found where samples go by zones to where the blend is wrong."""
-    metric = CompiledVisibleDifferences(View())
-    denoise, _ = oidn.denoiser(tuple(guides), metric.view)
-    rows = [
-        [
-            Point(spp=one.spp, wrong={BLEND: one.wrong}, seen={BLEND: one.seen}, is_look=True)
-            for one in looks(recording, slice_spp, order, denoise, metric)
-        ]
-        for order in orders(recording, runs)
+def point(
+    metric: CompiledVisibleDifferences,
+    sums: NDArray[np.float64],
+    slices: int,
+    slice_spp: int,
+    reference: Image,
+    share: float,
+    guides: NDArray[np.float32],
+) -> Point:
+    """Return the point of an image; `share` is its samples over those of the reference."""
+    spp = slices * slice_spp
+    quarters = (sums / (slices // 4)).astype(np.float32)
+    image = (sums.sum(axis=0) / slices).astype(np.float32)
+    halves = [
+        Half(((sums[one] + sums[one + 2]) / (slices / 2)).astype(np.float32), spp // 2)
+        for one in (0, 1)
     ]
-    found = needed(rows, BLEND)
-    ends = [end for row in rows if (end := ended(row, BLEND, OWN)) is not None]
-    if len(ends) == runs:
-        found.append(figure(f"{OWN}: spp", [one.spp for one in ends], "spp"))
-        found.append(figure(f"{OWN}: wrong", [one.wrong[BLEND] for one in ends], "of the pixels"))
-        found.append(figure("looks", [len(row) for row in rows], "looks"))
-    every = [one for row in rows for one in row]
-    ratios = [one.estimate(BLEND) / one.wrong[BLEND] for one in every if one.wrong[BLEND] >= ENOUGH]
-    return [*found, figure("estimate / truth", ratios, "ratio")] if ratios else found
-
-
-def figures_at_best(
-    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
-) -> list[Figure]:
-    """Return what a blend would need whose risks are known in truth."""
-    metric = CompiledVisibleDifferences(View())
     denoise, _ = oidn.denoiser(tuple(guides), metric.view)
-    rows = [
-        [
-            Point(spp=one.spp, wrong={RAW: one.raw, BLEND: one.blend}, seen={})
-            for one in shares(recording, slice_spp, order, denoise, metric)
-        ]
-        for order in orders(recording, runs)
+    blend, error = blended(image, (halves[0], halves[1]), denoise, metric.view)
+    _, noise = quarters_noise(quarters, share)
+    difference = halves[0].mean - halves[1].mean
+    wrong = {
+        kind: wrong_share(metric, reference, noise, one, own)
+        for kind, one, own in (
+            (RAW, image, difference * np.float32(0.5)),
+            (DENOISED, blend.denoised, error.likely.noise),
+            (BLEND, blend.image, error.likely.noise),
+        )
+    }
+    return Point(
+        spp=spp,
+        wrong=wrong,
+        seen={
+            RAW: Evidence(spp, image, (halves[0], halves[1]), metric),
+            BLEND: Evidence(spp, blend.image, None, metric, error),
+            DENOISED: Evidence(spp, blend.denoised, None, metric),
+        },
+    )
+
+
+def spp_at(row: Sequence[Point], kind: str, target: float) -> float | None:
+    """Return the samples from which on at most this share is wrong, between two points."""
+    for before, after in zip(reversed(row[:-1]), reversed(row[1:]), strict=True):
+        if before.wrong[kind] > target >= after.wrong[kind]:
+            high, low = (math.log(max(one.wrong[kind], 1e-6)) for one in (before, after))
+            part = (high - math.log(target)) / (high - low)
+            return float(before.spp * (after.spp / before.spp) ** part)
+    return float(row[0].spp) if row[-1].wrong[kind] <= target else None
+
+
+def ended(row: Sequence[Point], kind: str) -> Point | None:
+    """Return where the rule `visible` ends the job; None if the recording is too short."""
+    rule = Visible()
+    looks = (one for one in row if one.is_look or kind == RAW)
+    return next((one for one in looks if rule.judge(one.seen[kind]).stop), None)
+
+
+def quarters_noise(quarters: Any, share: float) -> tuple[Image, Image]:
+    """Return noise as an image of four quarters has, and as its reference has.
+
+    Parameters
+    ----------
+    quarters
+        The means of each, (4, H, W, 3). The two noises are of other halves, so independent.
+    share
+        The image's samples over those of the reference.
+    """
+    first, second, third, fourth = quarters
+    own = (first + third - second - fourth) / 4
+    noise = np.sqrt(share) * (first + second - third - fourth) / 4
+    return own.astype(np.float32), noise.astype(np.float32)
+
+
+def wrong_share(
+    metric: VisibleDifferences, reference: Image, noise: Image, image: Image, own: Image
+) -> float:
+    """Return the share of an image's pixels that are visibly wrong.
+
+    The image has noise of its own. What the reference's noise makes visible beside that is taken
+    away.
+    """
+    clean = metric.percept(reference)
+
+    def visible(image: Image) -> float:
+        found = metric.compare(clean, metric.percept(image)).visible
+        return float(np.count_nonzero(found) / found.size)
+
+    by_noise = [
+        visible(reference + sign * own + noise) - visible(reference + sign * own)
+        for sign in (np.float32(1), np.float32(-1))
     ]
-    return [one for kind in (RAW, BLEND) for one in needed(rows, kind, f"{kind}: ")]
+    return max(0.0, visible(image) - sum(by_noise) / 2)
 
-
-def orders(recording: NDArray[np.float32], runs: int) -> list[NDArray[np.intp]]:
-    """Return the order in which each run has the slices."""
-    return [np.random.default_rng(run).permutation(len(recording)) for run in range(runs)]
-
-
-def needed(rows: Sequence[Sequence[Point]], kind: str, before: str = "") -> list[Figure]:
-    """Return the samples that each target takes, if all runs come to it; `before` is its name's."""
-    found = []
-    for target in TARGETS:
-        spp = [one for row in rows if (one := spp_at(row, kind, target)) is not None]
-        if len(spp) == len(rows):
-            found.append(figure(f"{before}spp at {target:.2%}", spp, "spp"))
-    return found
-
-
-#: What is measured of a scene: the name that its figures have, and how they are made.
-PARTS: Final[dict[str, tuple[Callable[[str], str], Callable[..., list[Figure]]]]] = {
-    "frames": (str, figures),
-    "zones": (zones_of, figures_by_zones),
-    "peers": (peers_of, figures_of_peers),
-    "best": (best_of, figures_at_best),
-}
 
 if __name__ == "__main__":
     main()

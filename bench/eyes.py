@@ -11,85 +11,87 @@ From recordings of slices, as those of `bench.allocation`:
 The last two are by the noise of the whole recording, scaled.
 """
 
-from __future__ import annotations
-
-import argparse
 import math
-import sys
-from typing import TYPE_CHECKING, Any
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench.allocating.recordings import SCENES, add_options, recorded
-from bench.allocating.truth import Truth, crossing
-from bench.support import markdown
-from bench.support.report import Figure, last_figures, last_report, renewed, write_report
+from bench.support.recordings import RECORDED, SCENES, parser_of, recorded, recordings_row
+from bench.support.report import Table, write_report
+from bench.support.truth import Truth, crossing
 from plateau.metric import Half, View, Visible, allowed_pixels
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.cvvdp import ColorVideoVDP
+from plateau.metric.cvvdp import ColorVideoVDP, Percept
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import BEST_JOD, QualityModel, display_of
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.cvvdp import Percept
-
 #: Pixels per degree, by the name of the view.
-VIEWS = {"the default view": None, "20 pixels per degree": 20.0, "40 pixels per degree": 40.0}
-TARGETS = (9.0, 9.5)
+VIEWS: Final = {
+    "the default view": None,
+    "20 pixels per degree": 20.0,
+    "40 pixels per degree": 40.0,
+}
+TARGETS: Final = (9.0, 9.5)
 #: Images of so many samples are judged, if the recording has four times as many.
-LOOKS = (100, 200, 400, 800, 1600)
+LOOKS: Final = (100, 200, 400, 800, 1600)
 #: Samples of noise over which a quality is a mean.
-GROUPS = (0, 4, 8)
-_RATIO, _FORECAST = "lost, estimated / true at {} spp", "forecast at {} spp / needed"
-_STOP, _AT_STOP, _NEEDED = "visible stops", "quality where visible stops", "spp for {:g} JOD"
-_NOTES = (
-    "What is lost is 10 - JOD. The truth is against the rest of the recording.",
-    "Stops, and samples needed, are by three to twelve samples of the recording's noise, scaled.",
-)
+GROUPS: Final = (0, 4, 8)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_options(parser)
-    asked = parser.parse_args()
-    kept = last_figures("eyes")
-    settings = last_report("eyes")["settings"].get("scenes", {})
+    asked = parser_of(__doc__).parse_args()
     for name in asked.cases:
-        recording = recorded(SCENES[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
-        scene = f"{name}, {asked.pixels} px"
-        settings[scene] = {"spp": asked.slice_spp * len(recording), "slice_spp": asked.slice_spp}
-        found = measured(recording, asked.slice_spp, asked.runs)
-        kept = renewed(kept, scene, found)
-        for one in found:
-            print(scene, one.name, one.value, file=sys.stderr)
-    report = write_report("eyes", kept, settings={"scenes": settings}, notes=_NOTES)
-    markdown.fill(markdown.DOCS / "eyes.md", tables(report))
+        recording = recorded(SCENES[name], asked)
+        found = tables(f"{name}, {asked.pixels} px", recording, asked.slice_spp, asked.runs)
+        recordings = [RECORDED, recordings_row(name, asked, asked.runs)]
+        write_report(
+            "eyes",
+            {**found, "eyes-recordings": recordings},
+            settings={},
+            notes=[
+                "What is lost is 10 - JOD. The truth is against the rest of the recording.",
+                "Stops, and samples needed, are by samples of the recording's noise, scaled.",
+            ],
+            document="eyes.md",
+        )
 
 
-def measured(recording: NDArray[np.float32], slice_spp: int, runs: int) -> list[Figure]:
-    """Return the figures of one recording."""
+def tables(
+    scene: str, recording: NDArray[np.float32], slice_spp: int, runs: int
+) -> dict[str, Table]:
+    """Return the tables of one recording."""
     pixels = recording.shape[1] * recording.shape[2]
     truth = Truth(CompiledVisibleDifferences(View()), recording, slice_spp)
     stop = truth.spp_at(allowed_pixels(Visible().target, pixels), 1000.0)
-    found = [Figure(name=_STOP, value=stop, unit="spp")]
+    at_stop, needs, estimated = [], [], []
     for name, density in VIEWS.items():
         view = View(pixels_per_degree=density)
         lost = Lost(truth, view)
-        needed = {
-            target: crossing(lambda spp: lost.at(1000 * spp), BEST_JOD - target) * 1000  # noqa: B023
+        needed = [
+            crossing(lambda spp: lost.at(1000 * spp), BEST_JOD - target) * 1000  # noqa: B023
             for target in TARGETS
-        }
-        values = {_AT_STOP: BEST_JOD - lost.at(stop)}
-        values |= {_NEEDED.format(target): spp for target, spp in needed.items()}
-        values |= estimates(recording, slice_spp, view, runs, needed[TARGETS[-1]])
-        found += [
-            Figure(name=f"{name}: {what}", value=value, unit=_unit(what))
-            for what, value in values.items()
         ]
-    return found
+        at_stop.append(f"{BEST_JOD - lost.at(stop):.2f}")
+        needs.append(", ".join(f"{spp:,.0f}" for spp in needed))
+        both = estimates(recording, slice_spp, view, runs, needed[-1])
+        estimated.append([scene, name, *map(extent, both)])
+    head = ["scene", "`visible` stops at"]
+    head += [f"JOD there, {view}" for view in VIEWS]
+    head += [f"spp for 9 and 9.5 JOD, {view}" for view in VIEWS]
+    return {
+        "eyes": [head, [scene, f"{stop:,.0f}", *at_stop, *needs]],
+        "eyes-estimate": [
+            ["scene", "view", "lost, estimated / true", "forecast / needed for 9.5 JOD"],
+            *estimated,
+        ],
+    }
+
+
+def extent(values: list[float]) -> str:
+    """Return the lowest and the highest value."""
+    return f"{min(values):.2f} to {max(values):.2f}" if values else "–"
 
 
 class Lost:
@@ -112,12 +114,12 @@ class Lost:
 
 def estimates(
     recording: NDArray[np.float32], slice_spp: int, view: View, runs: int, needed: float
-) -> dict[str, float]:
-    """Return how far the estimate and the forecast are right, as means over the runs."""
+) -> tuple[list[float], list[float]]:
+    """Return how far the estimate and the forecast are right, as means over the runs by spp."""
     metric, total = CompiledVisibleDifferences(view), len(recording)
     eye = ColorVideoVDP(display_of(view, recording.shape[2]))
     sums = recording.sum(axis=0, dtype=np.float64)
-    found = {}
+    means: tuple[list[float], list[float]] = ([], [])
     for spp in LOOKS:
         count = spp // slice_spp
         if 4 * count > total:
@@ -138,65 +140,9 @@ def estimates(
             forecast = model.forecast(TARGETS[-1], spp=spp)
             if forecast is not None and spp < needed:
                 forecasts.append(forecast / needed)
-        found[_RATIO.format(spp)] = float(np.mean(ratios))
-        if forecasts:
-            found[_FORECAST.format(spp)] = float(np.mean(forecasts))
-    return found
-
-
-def _unit(what: str) -> str:
-    if "/" in what:
-        return "ratio"
-    return "JOD" if what == _AT_STOP else "spp"
-
-
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return the tables by the names of their places in the document."""
-    values = {one["name"]: one["value"] for one in report["figures"]}
-    scenes = report["settings"]["scenes"]
-
-    def of(scene: str, view: str, what: str) -> list[float]:
-        """Return the values at any spp."""
-        start, end = what.split("{}")
-        names = (f"{scene}: {view}: {start}{spp}{end}" for spp in LOOKS)
-        return [values[name] for name in names if name in values]
-
-    def extent(found: list[float]) -> str:
-        return f"{min(found):.2f} to {max(found):.2f}" if found else "–"
-
-    def needs(scene: str, view: str) -> str:
-        return ", ".join(
-            f"{values[f'{scene}: {view}: {_NEEDED.format(target)}']:,.0f}" for target in TARGETS
-        )
-
-    stops = [
-        [
-            scene,
-            f"{values[f'{scene}: {_STOP}']:,.0f}",
-            *(f"{values[f'{scene}: {view}: {_AT_STOP}']:.2f}" for view in VIEWS),
-            *(needs(scene, view) for view in VIEWS),
-        ]
-        for scene in scenes
-    ]
-    rows = [
-        [
-            scene,
-            view,
-            extent(of(scene, view, _RATIO)),
-            extent(of(scene, view, _FORECAST)),
-        ]
-        for scene in scenes
-        for view in VIEWS
-    ]
-    head = ["scene", "`visible` stops at"]
-    head += [f"JOD there, {view}" for view in VIEWS]
-    head += [f"spp for 9 and 9.5 JOD, {view}" for view in VIEWS]
-    return {
-        "eyes": markdown.table(head, stops),
-        "eyes-estimate": markdown.table(
-            ["scene", "view", "lost, estimated / true", "forecast / needed for 9.5 JOD"], rows
-        ),
-    }
+        for values, mean in zip((ratios, forecasts), means, strict=True):
+            mean += [float(np.mean(values))] if values else []
+    return means
 
 
 if __name__ == "__main__":

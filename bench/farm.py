@@ -6,52 +6,77 @@ of the size that is fastest for it. Both live at once and run in turns, on all c
 kernels at hand; each has a clock of its own.
 """
 
-from __future__ import annotations
-
 import argparse
+import json
 import os
+import statistics
 import sys
-from collections.abc import Callable
+import tempfile
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
 
-from bench.support import markdown
-from bench.support.calls import CALLS_SPP, Case, call_rates, calls_that_fit
-from bench.support.pairs import Pair, Run, Work, render_pair, warm_up
-from bench.support.report import (
-    OTHERS,
-    Figure,
-    figure,
-    last_figures,
-    last_report,
-    others_figure,
-    write_report,
-)
-from bench.support.turns import TURN_S
+import numpy as np
+
+from bench.support import processes
+from bench.support.alone import CALLS_SPP, Case, call_rates, calls_that_fit, read_told
+from bench.support.processes import TURN_S, Ran, Watch, take_turns, timed
+from bench.support.report import OTHERS, Table, machine_table, spread, write_report
+from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER, NAMES
 from plateau.worker.supervisor.variants import choose
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+_SIZES: Final = ((128, 128), (256, 256), (512, 512), (1920, 1080))
+_QUICK_SIZES: Final = ((128, 128), (512, 512))
+_NOTES: Final = (
+    "The rule is fixed at the cap, so no sample is rendered only to be thrown away.",
+    "The farm is under way from its second point to the last but one.",
+    "The bare renderer is under way from the end of its first call.",
+    "The calibration and a first run of each compile the kernels; they are not counted.",
+    "A run's seconds are those of its own turns; in the other's it is stopped.",
+    "Work that the farm does by the clock falls on its own seconds twice as often.",
+    "Only render children are niced: other work on the cores slows the farm more.",
+)
 
-_SIZES = ((128, 128), (256, 256), (512, 512), (1920, 1080))
-_QUICK_SIZES = ((128, 128), (512, 512))
-EFFICIENCY = "efficiency: samples per second once under way, merged and judged"
-CPU = "CPU time of a sample once under way"
-WHOLE = "samples per second from the command line to the results"
-WHOLE_CPU = "CPU time of a sample from the command line to the results"
-FARM, BARE = "the farm's samples per second", "the bare renderer's samples per second"
-MONITOR = "the monitor's share of the farm's CPU time, once under way"
-_BARE = "one Mitsuba process that renders in calls of its best size and writes nothing"
-#: The ratios, farm to bare renderer: of what, and the goal.
-_RATIOS: dict[str, tuple[Callable[[Run], float], str | None]] = {
-    EFFICIENCY: (lambda run: run.samples_s, "at least 0.97"),
-    CPU: (lambda run: run.sample_cpu_s, "at most 1.04"),
-    WHOLE: (lambda run: run.whole_samples_s, None),
-    WHOLE_CPU: (lambda run: run.whole_sample_cpu_s, None),
-}
+#: The mean of an image, the farm's beside the bare renderer's; their noise differs.
+_SAME_MEAN = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work(Case):
+    """How much of a case is rendered."""
+
+    spp: int  #: a multiple of the step, four steps at least
+    step: int
+    call_spp: int  #: of the bare renderer's calls
+
+    @property
+    def calls(self) -> list[int]:
+        """The spp of the bare renderer's calls, all alike; together `spp`, or a little more."""
+        return [self.call_spp] * -(-self.spp // self.call_spp)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One run by its own clock: samples per second, and CPU seconds of the process tree."""
+
+    samples_s: float  #: once under way
+    sample_cpu_s: float  #: for one sample, once under way
+    whole_samples_s: float  #: from its start to its end
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A run of the farm and one of the bare renderer, in turns."""
+
+    farm: Run
+    bare: Run
+    monitor: float  #: its share of the farm's CPU time, once under way
+    #: How much of the cores everything else took meanwhile, this machine's host included.
+    others: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,147 +100,166 @@ def main() -> None:
     parser.add_argument(
         "--sizes", nargs="+", type=_size, metavar="WIDTHxHEIGHT", help="default: four sizes"
     )
-    parser.add_argument("--pairs", type=int, help="pairs of runs of each case (default: 3)")
-    parser.add_argument(
-        "--seconds", type=float, help="of one run, unless four steps take longer (default: 60)"
-    )
-    parser.add_argument("--step", type=int, help="spp between evaluations (default: 100)")
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="one pair of 10 s, step 50, 128x128 and 512x512 alone; writes farm-quick.json",
+        help="one pair of 10 s, step 50, 128x128 and 512x512 only; writes farm-quick.json",
     )
     options = parser.parse_args()
-    asked = {
-        name: value
-        for name in ("pairs", "seconds", "step")
-        if (value := getattr(options, name)) is not None
-    }
-    effort = replace(_QUICK if options.quick else Effort(), **asked)
+    effort = _QUICK if options.quick else Effort()
     sizes = options.sizes or (_QUICK_SIZES if options.quick else _SIZES)
 
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
-    cases = [
-        Case(scene=FOLDER / scene, width=width, height=height, choice=choice, threads=threads)
-        for width, height in sizes
-        for scene in options.scenes
-    ]
-    measured = {case.name: measure(case, effort) for case in cases}
-    name = "farm-quick" if options.quick else "farm"
-    settings = {case: settings for case, (settings, _) in measured.items()}
-    others = [one for one in last_figures(name) if one.name.partition(":")[0] not in measured]
-    report = write_report(
-        name,
-        [*(one for _, figures in measured.values() for one in figures), *others],
-        settings={
-            "cases": {**last_report(name)["settings"].get("cases", {}), **settings},
-            "turn_s": effort.turn_s,
-            "variant": choice.variant,
-            "workers": 1,
-            "threads": threads,
-        },
-        notes=[
-            "The rule is fixed at the cap, so no sample is rendered only to be thrown away.",
-            "The farm is under way from its second point to the last but one.",
-            "The bare renderer is under way from the end of its first call.",
-            "The calibration and a first run of each compile the kernels; they are not counted.",
-            "A run's seconds are those of its own turns; in the other's it is stopped.",
-            "Work that the farm does by the clock falls on its own seconds twice as often.",
-            "Only render children are niced: other work on the cores slows the farm more.",
-        ],
-    )
-    if not options.quick:
-        markdown.fill(markdown.DOCS / "performance.md", tables(report))
+    about = {"variant": choice.variant, "workers": 1, "threads": threads}
+    for width, height in sizes:
+        for scene in options.scenes:
+            case = Case(
+                scene=FOLDER / scene, width=width, height=height, choice=choice, threads=threads
+            )
+            write_report(
+                "farm-quick" if options.quick else "farm",
+                {
+                    "farm-machine": [row[:-1] for row in machine_table(about, [0])],
+                    **measure(case, effort),
+                },
+                settings={**about, "turn_s": effort.turn_s},
+                notes=_NOTES,
+                document=None if options.quick else "performance.md",
+                key=lambda cell: cell.partition(",")[0],
+            )
 
 
-def measure(case: Case, effort: Effort) -> tuple[dict[str, Any], list[Figure]]:
-    """Return what a case was rendered with, and its figures, whose names begin with the case's."""
-    work, rates = plan(case, effort)
+def measure(case: Case, effort: Effort) -> dict[str, Table]:
+    """Return the table of a case."""
+    work = plan(case, effort)
     warm_up(work)
     pairs = []
     for number in range(effort.pairs):
         pairs.append(render_pair(work, effort.turn_s))
         print(f"{case.name}, pair {number + 1} of {effort.pairs}: {pairs[-1]}", file=sys.stderr)
-    settings = {
-        "spp": work.spp,
-        "step": work.step,
-        "slice_spp": JobSpec().slice_spp,
-        "call_spp": work.call_spp,
-        "samples_s_by_call_spp": {str(spp): round(rate) for spp, rate in rates.items()},
+
+    def ratio(name: str) -> str:
+        return spread([getattr(one.farm, name) / getattr(one.bare, name) for one in pairs], 3)
+
+    row = {
+        "": f"{case.name}, {work.spp} spp",
+        "pairs of runs": str(len(pairs)),
+        "spp of a bare call": str(work.call_spp),
+        "bare, 10⁶ samples/s": f"{statistics.median(p.bare.samples_s for p in pairs) / 1e6:.2f}",
+        "farm, 10⁶ samples/s": f"{statistics.median(p.farm.samples_s for p in pairs) / 1e6:.2f}",
+        "efficiency": ratio("samples_s"),
+        "CPU time of a sample": ratio("sample_cpu_s"),
+        "from start to results": ratio("whole_samples_s"),
+        "the monitor's share": spread([one.monitor for one in pairs], 3),
+        OTHERS: spread([one.others for one in pairs], 3),
     }
-    return settings, [replace(one, name=f"{case.name}: {one.name}") for one in _figures(pairs)]
+    return {"farm": [list(row), list(row.values())]}
 
 
-def plan(case: Case, effort: Effort) -> tuple[Work, dict[int, float]]:
-    """Return how much is rendered, in which calls, and samples per second by the spp of a call."""
+def plan(case: Case, effort: Effort) -> Work:
+    """Return how much is rendered, and in which calls."""
     tried = {"samples": effort.samples, "rounds": effort.rounds}
     [first] = call_rates(case, calls_that_fit(case, 3 * CALLS_SPP[0]), **tried).values()
     steps = round(effort.seconds * first / case.pixels / effort.step)
     spp = effort.step * max(4, steps)
     rates = call_rates(case, calls_that_fit(case, spp), **tried)
-    call_spp = max(rates, key=rates.__getitem__)
     print(f"{case.name}: {spp} spp, {rates} samples/s by the spp of a call", file=sys.stderr)
-    return Work(**vars(case), spp=spp, step=effort.step, call_spp=call_spp), rates
+    best = max(rates, key=rates.__getitem__)
+    return Work(**vars(case), spp=spp, step=effort.step, call_spp=best)
 
 
-def _figures(pairs: Sequence[Pair]) -> list[Figure]:
-    return [
-        *(
-            figure(
-                name,
-                [of(pair.farm) / of(pair.bare) for pair in pairs],
-                "ratio",
-                compared_with=_BARE,
-                goal=goal,
-            )
-            for name, (of, goal) in _RATIOS.items()
-        ),
-        figure(MONITOR, [pair.monitor for pair in pairs], "of the CPU time", goal="under 0.02"),
-        others_figure([pair.others for pair in pairs]),
-        figure(FARM, [pair.farm.samples_s for pair in pairs], "samples/s"),
-        figure(BARE, [pair.bare.samples_s for pair in pairs], "samples/s"),
-        figure(
-            f"{FARM}, start and end included", [p.farm.whole_samples_s for p in pairs], "samples/s"
-        ),
-        figure(
-            f"{BARE}, start and end included", [p.bare.whole_samples_s for p in pairs], "samples/s"
-        ),
-    ]
+def warm_up(work: Work) -> None:
+    """Run both once, so that kernels are compiled; raise if their images differ in their means."""
+    work = replace(work, spp=work.step)
+    with tempfile.TemporaryDirectory() as folder:
+        image = Path(folder) / "bare.npy"
+        processes.render(work.scene, Path(folder), **_asked_of_the_farm(work))
+        replace(work.alone(work.calls), image=image).render()
+        ours = decode_image((Path(folder) / "image.exr").read_bytes()).mean()
+        theirs = np.load(image).mean()
+    if not np.isclose(ours, theirs, rtol=_SAME_MEAN):
+        raise AssertionError(f"the farm's image has a mean of {ours}, the bare one of {theirs}")
 
 
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: the machine, and each case's efficiency and cost."""
-    found = {one["name"]: one for one in report["figures"]}
-    machine, settings = report["machine"], report["settings"]
+def render_pair(work: Work, turn_s: float) -> Pair:
+    """Have both render the work, in turns of so many seconds."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryFile() as told_file,
+        timed() as took,
+    ):
+        both = {
+            "the farm": processes.start(work.scene, Path(folder), **_asked_of_the_farm(work)),
+            "Mitsuba alone": work.alone(work.calls).start(told_file),
+        }
+        watch = Watch(both["the farm"])
+        ran = take_turns(both, turn_s, look=watch.look)
+        curve = json.loads((Path(folder) / "summary.json").read_text())["curve"]
+        told = read_told(told_file)
 
-    def cell(case: str, name: str) -> str:
-        return markdown.spread(found[f"{case}: {name}"], 3)
+    farm, monitor = _farm_run(work, ran["the farm"], watch, curve)
+    return Pair(
+        farm=farm,
+        bare=_bare_run(work, ran["Mitsuba alone"], told),
+        monitor=monitor,
+        others=took.others,
+    )
 
-    def rate(case: str, name: str) -> str:
-        return f"{found[f'{case}: {name}']['value'] / 1e6:.2f}"
 
-    rows = [
-        [
-            f"{case}, {of['spp']} spp",
-            str(found[f"{case}: {EFFICIENCY}"]["spread"]["runs"]),
-            str(of["call_spp"]),
-            rate(case, BARE),
-            rate(case, FARM),
-            *(cell(case, name) for name in (EFFICIENCY, CPU, WHOLE, MONITOR, OTHERS)),
-        ]
-        for case, of in settings["cases"].items()
-    ]
-    head = ["", "pairs of runs", "spp of a bare call", "bare, 10⁶ samples/s", "farm, 10⁶ samples/s"]
-    head += ["efficiency", "CPU time of a sample", "from start to results"]
-    head += ["the monitor's share", "other work on the cores"]
-    about = [f"{machine['cpu']}, {machine['os']}", machine["cores"]]
-    about += [settings[name] for name in ("variant", "workers", "threads")]
+def _farm_run(work: Work, ran: Ran, watch: Watch, curve: list[dict[str, Any]]) -> tuple[Run, float]:
+    """Return the farm's run, and the monitor's share.
+
+    The farm is under way from its second point to the last but one. What the monitor does once, on
+    the first, would make the rest look faster, and nothing is rendered beside what it does on the
+    last.
+    """
+    done = {point["spp"]: ran.own_s(_moment(point["at"])) for point in curve}
+    first, last = 2 * work.step, work.spp - work.step
+    looks_s = [ran.own_s(look.at) for look in watch.looks]
+
+    def used_s(values: list[float]) -> float:
+        """What was used between the two points, which come between looks."""
+        before, after = np.interp([done[first], done[last]], looks_s, values)
+        return float(after - before)
+
+    cpu_s = used_s([look.all_ for look in watch.looks])
+    run = _run(work, ran, work.spp, last - first, done[last] - done[first], cpu_s)
+    return run, used_s([look.monitor for look in watch.looks]) / cpu_s
+
+
+def _bare_run(work: Work, ran: Ran, told: dict[str, Any]) -> Run:
+    """Return the bare renderer's run; it is under way from the end of its first call."""
+    ends = [ran.own_s(told["started_at"] + told["ended_s"][call]) for call in (0, -1)]
+    cpu_s = told["cpu_s"][-1] - told["cpu_s"][0]
+    return _run(work, ran, sum(work.calls), sum(work.calls[1:]), ends[1] - ends[0], cpu_s)
+
+
+def _run(work: Work, ran: Ran, spp: int, steady_spp: int, steady_s: float, cpu_s: float) -> Run:
+    whole, steady = spp * work.pixels, steady_spp * work.pixels
+    return Run(
+        samples_s=steady / steady_s,
+        sample_cpu_s=cpu_s / steady,
+        whole_samples_s=whole / ran.own_s(),
+    )
+
+
+def _asked_of_the_farm(work: Work) -> dict[str, Any]:
     return {
-        "farm-machine": markdown.table(
-            ["machine", "cores", "variant", "workers", "threads"], [list(map(str, about))]
-        ),
-        "farm": markdown.table(head, rows),
+        "parameters": work.parameters,
+        "options": {
+            "--rule": "fixed",
+            "--spp": work.spp,
+            "--step": work.step,
+            "--max-spp": work.spp,
+            "--variant": work.choice.variant,
+            "--threads": work.threads,
+        },
     }
+
+
+def _moment(text: str) -> float:
+    """Return a moment of a job in seconds of `time.time`."""
+    return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()  # for Python 3.10
 
 
 def _size(text: str) -> tuple[int, int]:

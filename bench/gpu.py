@@ -9,8 +9,6 @@ It runs with any variant (``--variant llvm_ad_rgb``), and says which card it had
 written after each case, so that a run that is cut off leaves what it has measured.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json
@@ -19,26 +17,24 @@ import shutil
 import tempfile
 import time
 import zipfile
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from statistics import median
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench import ROOT
-from bench.support.farms import plateau_render
-from bench.support.report import Figure, figure, write_report
+from bench.support import processes
+from bench.support.report import Table, write_report
 from plateau.worker.renderers.contract import Load
 from plateau.worker.supervisor import gpus
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
 SCENES: Final = ("box", "oculist")
-_ALONE: Final = "Mitsuba's `render` in the same process, at its fastest samples per pass"
-_GOALS: Final = {"kernel": "at least 0.97", "judging": "at most a fifth"}
+#: The name of a figure with its unit, and its values.
+_Found = tuple[str, list[float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +70,8 @@ def main() -> None:
     measure(plan, SCENES[:1] if asked.small else SCENES)
 
 
-def measure(plan: Plan, scenes: tuple[str, ...] = SCENES) -> dict[str, Any]:
-    """Measure all cases of a plan, and return the report.
+def measure(plan: Plan, scenes: tuple[str, ...] = SCENES) -> None:
+    """Measure all cases of a plan, and report each.
 
     Raises
     ------
@@ -92,21 +88,28 @@ def measure(plan: Plan, scenes: tuple[str, ...] = SCENES) -> dict[str, Any]:
         f"Each of {plan.pairs} runs of a case renders as many samples by both.",
         "A whole render is `plateau render`, from the command to its results on the disk.",
     ]
-    figures: list[Figure] = []
-    report: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, scene, entry in _scenes(plan, scenes, Path(folder)):
             for width, height in plan.sizes:
                 case = f"{name}, {width}×{height}"
                 parameters = {"width": str(width), "height": str(height)}
                 load = Load(folder=str(scene), entry=entry, parameters=parameters)
+                table: Table = [["case", "what", "value"]]
                 try:
-                    figures += _rates(case, plan, load)
-                    figures += _whole(case, plan, scene, parameters, Path(folder) / "results")
+                    for found in (
+                        _rates(plan, load),
+                        _whole(plan, scene, parameters, Path(folder) / "results"),
+                    ):
+                        table += [[case, what, _in_words(values)] for what, values in found]
                 except Exception as error:  # noqa: BLE001 - the others are measured nevertheless
                     notes.append(f"{case}: {type(error).__name__}: {error}")
-                report = write_report(plan.out, figures, settings=_settings(plan), notes=notes)
-    return report
+                write_report(plan.out, {"gpu": table}, settings=_settings(plan), notes=notes)
+
+
+def _in_words(values: list[float]) -> str:
+    """Return the median, and with several values the lowest and the highest."""
+    extent = f" ({min(values):.4g} to {max(values):.4g})" if len(values) > 1 else ""
+    return f"{median(values):.4g}{extent}"
 
 
 def _scenes(plan: Plan, scenes: tuple[str, ...], folder: Path) -> Iterator[tuple[str, Path, str]]:
@@ -119,17 +122,14 @@ def _scenes(plan: Plan, scenes: tuple[str, ...], folder: Path) -> Iterator[tuple
         yield room.stem, entry.parent, entry.name
 
 
-def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
+def _rates(plan: Plan, load: Load) -> Iterator[_Found]:
     """Yield the samples per second of both, and whether bits stay as they are."""
     import drjit as dr
 
     from plateau.worker.renderers.mitsuba.kernel import Kernel
     from plateau.worker.renderers.mitsuba.scene_prep import prepare
 
-    began = time.monotonic()
     one = prepare(plan.variant, load)
-    dr.sync_thread()
-    yield figure(f"{case}: scene loaded", [time.monotonic() - began], "s")
     kernel = Kernel(one)
 
     def alone(spp: int, seed: int) -> None:
@@ -143,7 +143,6 @@ def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
         return film
 
     pixels = one.width * one.height
-    firsts = [_seconds(way, plan.spp[0], 1) for way in (alone, ours)]
     best = [min(plan.spp, key=lambda spp: _per_sample(way, spp)) for way in (alone, ours)]
     # As many samples of each. After the other's pass Dr.Jit records anew, so one is not counted.
     most = max(best)
@@ -156,15 +155,14 @@ def _rates(case: str, plan: Plan, load: Load) -> Iterator[Figure]:
                 way(spp, 1000 * pair + number)
             found.append(most * pixels / (time.monotonic() - began) / 1e6)
     names = ("Mitsuba alone", "the farm's kernel")
-    for name, spp, found, first in zip(names, best, rates, firsts, strict=True):
-        yield figure(f"{case}: {name}, passes of {spp} spp", found, "million samples/s")
-        yield figure(f"{case}: {name}, first pass, kernels compiled", [first], "s")
+    for name, spp, found in zip(names, best, rates, strict=True):
+        yield f"{name}, passes of {spp} spp, million samples/s", found
     ratios = [mine / bare for bare, mine in zip(*rates, strict=True)]
-    yield figure(f"{case}: kernel", ratios, "ratio", compared_with=_ALONE, goal=_GOALS["kernel"])
-    yield figure(f"{case}: equal bits", [float(_has_equal_bits(kernel, ours, best[1]))], "of 1")
+    yield "kernel, ratio", ratios
+    yield "equal bits, of 1", [float(_has_equal_bits(kernel, ours, best[1]))]
     memory_mib = _nvidia_smi("memory.used")
     if memory_mib is not None:
-        yield figure(f"{case}: memory of the card in use", [float(memory_mib)], "MiB")
+        yield "memory of the card in use, MiB", [float(memory_mib)]
 
 
 def _seconds(way: Callable[[int, int], object], spp: int, seed: int) -> float:
@@ -188,9 +186,7 @@ def _has_equal_bits(kernel: Any, ours: Callable[[int, int], NDArray[np.float32]]
     return len({hashlib.sha256(film.tobytes()).digest() for film in films}) == 1
 
 
-def _whole(
-    case: str, plan: Plan, scene: Path, parameters: dict[str, str], out: Path
-) -> Iterator[Figure]:
+def _whole(plan: Plan, scene: Path, parameters: dict[str, str], out: Path) -> Iterator[_Found]:
     """Yield what `plateau render` takes to the target, and what its machine does meanwhile."""
     shutil.rmtree(out, ignore_errors=True)
     options = {
@@ -199,21 +195,15 @@ def _whole(
         "--time-limit": plan.limit_s,
     }
     began = time.monotonic()
-    plateau_render.render(scene, out, parameters=parameters, options=options)
+    processes.render(scene, out, parameters=parameters, options=options)
     seconds = time.monotonic() - began
     job = json.loads((out / "summary.json").read_text())
     until = f"{plan.jod} JOD" if job["state"] == "converged" else f"its limit of {plan.limit_s} s"
-    yield figure(f"{case}: whole render to {until}", [seconds], "s")
-    yield figure(f"{case}: of it the job, from first slice to verdict", [job["wall_s"]], "s")
-    yield figure(f"{case}: of it rendering", [job["machine_s"]], "s")
-    yield figure(f"{case}: samples of the whole render", [job["spp"]], "spp")
+    yield f"whole render to {until}, s", [seconds]
+    yield "of it rendering, s", [job["machine_s"]]
+    yield "samples of the whole render, spp", [job["spp"]]
     idle = max(0.0, 1 - job["machine_s"] / job["wall_s"])
-    yield figure(
-        f"{case}: share of the job in which no slice rendered",
-        [idle],
-        "of its time",
-        goal=_GOALS["judging"],
-    )
+    yield "share of the job in which no slice rendered, of its time", [idle]
 
 
 def _settings(plan: Plan) -> dict[str, Any]:

@@ -1,112 +1,178 @@
 """The paper's experiment on our own scenes and our own farm: `make bench-paper`.
 
-For each scene the farm renders a series of slices and an independent reference; every rule then
-judges the same slices. Renders stay in a folder, so that a stopped run can continue and images can
-be judged again. The results keep each scene's measurements, so that scenes can be run on different
-days.
-
 At 256×256 and 10,000 spp all eight take 10.5 thousand million samples and 2 GB of disk. The paper's
 own size is --size 512.
 """
 
-from __future__ import annotations
-
+import statistics
 import sys
 import time
-from pathlib import Path
+from collections.abc import Sequence
+from typing import Final
 
-from bench.experiment import options, plots, tables
-from bench.experiment.cases import Case
-from bench.experiment.contenders import TARGET
-from bench.experiment.renders import SLICE_SPP, Size, rendered
-from bench.experiment.series import STEPS, Measured, measure
-from bench.support import markdown, report
-from bench.support.report import Figure, write_report
+from bench.support import series
+from bench.support.report import DOCS, Table, fill, markdown, write_report
+from bench.support.series import CONTENDERS, STEPS, TARGET, TARGETS, Series, Size, Stop
 
-_NOTES = (
-    f"True: at most {TARGET:.1%} of the pixels differ visibly from the independent reference.",
-    "The reference has noise of its own, so true is later than against a converged image.",
-    "Every rule judges the same slices, at the default view and with its default parameters.",
-    "No rule ends a series: each continues to the cap.",
-)
+#: Spp that the paper renders without a rule.
+PAPER_CAP: Final = 10_000
+#: The spp at which the forecast is compared with the truth.
+_FORECAST_AT: Final = (100, 200, 400, 800, 1600)
+#: A stop further from the truth than this misses the goal.
+GOAL: Final = 0.10
+#: A stop with more than this many times the target still visible is a false one.
+FALSE_STOP: Final = 3.0
+_RULES: Final = [f"{name} @{step}" for step in STEPS for name in CONTENDERS]
 
 
 def main() -> None:
-    asked = options.parse(__doc__, step=max(STEPS))
-    run(asked.cases, asked.size, asked.data, workers=asked.workers)
-    for document in ("paper.md", "stopping.md"):
-        markdown.fill(markdown.DOCS / document, tables_of(known()))
-
-
-def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Measured]:
-    """Render and judge these scenes, and report on all that the results hold."""
-    data.mkdir(parents=True, exist_ok=True)
-    folder = _folder()
-    folder.mkdir(parents=True, exist_ok=True)
-    for case in todo:
-        renders = rendered(case, size, data, workers=workers)
+    asked = series.parse(__doc__)
+    for case in asked.cases:
+        size = Size(asked.size, asked.cap)
+        renders = series.rendered(case, size, asked.data, workers=asked.workers)
         started = time.monotonic()
-        one = measure(renders)
-        one.write(folder / f"{case.slug}.json")
+        series.keep(series.measure(renders), case)
         print(f"{case.name}: judged in {time.monotonic() - started:.0f} s", file=sys.stderr)
-    found = known()
-    draw(found, folder)
+    found = tables(series.known())
     write_report(
         "paper",
-        figures(found),
-        settings={
-            "slice_spp": SLICE_SPP,
-            "steps": list(STEPS),
-            "scenes": {
-                one.name: {"size": f"{one.pixels}×{one.pixels}", "cap": one.cap} for one in found
-            },
-        },
-        notes=_NOTES,
+        found,
+        settings={"slice_spp": series.SLICE_SPP, "steps": STEPS},
+        notes=[
+            f"True: at most {TARGET:.1%} of the pixels differ visibly from the reference.",
+            "The reference has noise of its own, so true is later than by a converged image.",
+            "Every rule judges the same slices, at the default view and with its defaults.",
+            "No rule ends a series: each continues to the cap.",
+        ],
+        document="paper.md",
     )
-    return found
+    fill(DOCS / "stopping.md", {name: markdown(table) for name, table in found.items()})
 
 
-def known() -> list[Measured]:
-    """Return every series that the results hold, in the order of the paper's tables."""
-    return [Measured.read(path) for path in sorted(_folder().glob("*.json"))]
-
-
-def tables_of(found: list[Measured]) -> dict[str, str]:
+def tables(every: Sequence[Series]) -> dict[str, Table]:
     """Return every table by the name of its place in the documents."""
     return {
-        "truth": tables.truth_table(found),
-        **{f"stops-{step}": tables.stop_table(found, step) for step in STEPS},
-        "summary": tables.summary_table(found),
-        "real": tables.estimate_table(found),
-        "real-forecast": tables.forecast_table(found),
-        "opinions": tables.opinion_table(found),
+        "truth": truth_table(every),
+        **{f"stops-{step}": stop_table(every, step) for step in STEPS},
+        "summary": summary_table(every),
+        "real": estimate_table(every),
+        "real-forecast": forecast_table(every),
     }
 
 
-def draw(found: list[Measured], folder: Path) -> None:
-    """Write the pictures into a folder."""
-    plots.plot_counts(found, [f"successive @{step}" for step in STEPS], folder / "figure-4.png")
-    plots.plot_counts(
-        found, [f"multiple, window {window} @100" for window in (5, 8)], folder / "figure-5.png"
-    )
-    plots.plot_reverse(found, folder / "figure-6.png")
-    plots.plot_truth(found, folder / "truth.png")
+def error(one: Series, stop: Stop) -> float | None:
+    """Return a stop's spp over the true one, less 1; None if either is unknown."""
+    true = one.true_spp(TARGET)
+    return stop.spp / true - 1 if stop.ended and true is not None else None
 
 
-def figures(found: list[Measured]) -> list[Figure]:
-    """Return the error of each rule's stop, over all scenes on which it stopped."""
-    named = []
-    for name in found[0].curves:
-        errors = [tables.stops(one)[name].error for one in found]
-        off = [abs(error) for error in errors if error is not None]
-        if off:
-            goal = f"at most {tables.GOAL}"
-            named.append(report.figure(f"{name}: off from the true spp", off, "ratio", goal=goal))
-    return named
+def truth_table(every: Sequence[Series]) -> Table:
+    """Return the spp from which each image is converged, by target."""
+    head = ["scene", "rendered to"]
+    head += [f"{target:.2%} against the reference" for target in TARGETS]
+    head += [f"{target:.2%} against the truth" for target in TARGETS]
+    return [
+        head,
+        *(
+            [
+                one.name,
+                f"{one.cap:,}",
+                *(_spp(one.reference_spp(target), one.cap) for target in TARGETS),
+                *(_spp(one.true_spp(target), one.cap / 2) for target in TARGETS),
+            ]
+            for one in every
+        ),
+    ]
 
 
-def _folder() -> Path:
-    return report.RESULTS / "paper"
+def stop_table(every: Sequence[Series], step: int) -> Table:
+    """Return where every contender stopped at one step, and how far that is from the truth."""
+
+    def cell(one: Series, name: str) -> str:
+        stop = one.stops[f"{name} @{step}"]
+        off = error(one, stop)
+        if not stop.ended:
+            return f"over {one.cap:,}"
+        return f"{stop.spp:,}" + ("" if off is None else f" ({off:+.0%})")
+
+    return [
+        ["scene", "true", *CONTENDERS],
+        *([one.name, _true(one), *(cell(one, name) for name in CONTENDERS)] for one in every),
+    ]
+
+
+def summary_table(every: Sequence[Series]) -> Table:
+    """Return how far off each contender was over all scenes, and what it saved."""
+    table = [
+        [
+            *("rule @ step", "off by, median", "worst", f"within {GOAL:.0%}"),
+            f"false stops (over {FALSE_STOP * TARGET:.1%} wrong)",
+            *("never stopped", "samples saved, median"),
+        ]
+    ]
+    for name in _RULES:
+        stops = [one.stops[name] for one in every]
+        errors = [
+            off
+            for one, stop in zip(every, stops, strict=True)
+            if (off := error(one, stop)) is not None
+        ]
+        wrong = [
+            left / one.pixels**2
+            for one, stop in zip(every, stops, strict=True)
+            if stop.ended and (left := one.truth_at(stop.spp)) is not None
+        ]
+        saved = statistics.median(1 - stop.spp / PAPER_CAP if stop.ended else 0 for stop in stops)
+        table.append(
+            [
+                name.replace("@", "@ "),
+                f"{statistics.median(map(abs, errors)):.0%}" if errors else "–",
+                f"{max(errors, key=abs):+.0%}" if errors else "–",
+                f"{sum(abs(off) <= GOAL for off in errors)} of {len(errors)}",
+                f"{sum(share > FALSE_STOP * TARGET for share in wrong)}",
+                f"{sum(not stop.ended for stop in stops)}",
+                f"{saved:.0%}",
+            ]
+        )
+    return table
+
+
+def estimate_table(every: Sequence[Series]) -> Table:
+    """Return the half-buffer estimate over the truth, by scene and spp."""
+
+    def cell(one: Series, spp: int) -> str:
+        truth, estimate = one.truth_at(spp), one.estimate.get(str(spp))
+        if truth is None or estimate is None or truth < 1:
+            return "–"
+        inside = "" if estimate[1] <= truth <= estimate[2] else " *"
+        return f"{estimate[0] / truth:.2f} of {truth / one.pixels**2:.2%}{inside}"
+
+    head = ["scene", *(f"{spp:,} spp" for spp in series.ASKED_AT)]
+    return [head, *([one.name, *(cell(one, spp) for spp in series.ASKED_AT)] for one in every)]
+
+
+def forecast_table(every: Sequence[Series]) -> Table:
+    """Return the forecast of the true spp over the true spp, by scene and spp."""
+
+    def cell(one: Series, spp: int) -> str:
+        true, found = one.true_spp(TARGET), one.forecast.get(str(spp))
+        if found is None or true is None or spp >= true:
+            return "–"
+        return f"{found[0] / true:.2f}" + ("" if found[1] <= true <= found[2] else " *")
+
+    head = ["scene", "true", *(f"at {spp:,} spp" for spp in _FORECAST_AT)]
+    return [
+        head,
+        *([one.name, _true(one), *(cell(one, spp) for spp in _FORECAST_AT)] for one in every),
+    ]
+
+
+def _true(one: Series) -> str:
+    return _spp(one.true_spp(TARGET), one.cap / 2)
+
+
+def _spp(spp: float | None, most: float) -> str:
+    return f"over {most:,.0f}" if spp is None else f"{spp:,.0f}"
 
 
 if __name__ == "__main__":

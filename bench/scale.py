@@ -7,35 +7,74 @@ given rates of slices, with one monitor and with two; and the cost of workers wi
 jobs without workers.
 """
 
-from __future__ import annotations
-
 import argparse
+import json
 import statistics
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
 
-from bench.support import markdown
-from bench.support.load.scale_load import Found, Plan, Seen, measure
-from bench.support.report import Figure, figure, others_figure, p99, write_report
+from bench.support.processes import timed
+from bench.support.report import Table, machine_table, p99, write_report
+from bench.support.scale_farm import ControlPlane
+from bench.support.scale_workers import Slice, made_up_record
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Lease, SliceQueue
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-_LOG = ": Redis's log"
-_PARTIAL = ": a partial"
-#: A planned farm: its workers, how long each renders a slice, and the requests to Redis for each
-#: slice, with an evaluation after every fourth.
-_PLANNED = 10_000
-_PLANNED_RENDER_S = (10, 60, 300)
-_HEARTBEAT_S = 5
-_ASKED = {
-    "lease a slice": 1.0,
-    "commit a slice": 1.0,
-    "monitor: read a job": 1.0,
-    "monitor: read what is committed": 1.0,
-    "monitor: plan": 0.125,
-    "monitor: a point of the curve": 0.25,
+_VARIANTS: Final = ("llvm_ad_rgb", "scalar_rgb")
+#: A point of the curve, as large as most.
+_POINT: Final[dict[str, object]] = json.loads(
+    """{"spp": 100, "visible_pixels": 40123, "visible_fraction": 0.612, "slope": -1.25,
+    "estimate_pixels": 812.5, "estimate_fraction": 0.0124, "estimate_low_pixels": 700.25,
+    "estimate_high_pixels": 930.75, "forecast_spp": 1900, "forecast_low_spp": 1700,
+    "forecast_high_spp": 2300, "non_finite_pixels": 0, "zones": null,
+    "rules": {"visible": {"value": 0.0124, "stop": false}}}"""
+)
+#: What a table has of a load: the figures of each cell.
+_GRIDS: Final = {
+    "scale-slices": ("committed / merged in a second", ("committed", "merged")),
+    "scale-latencies": (
+        "lease median / p99, commit median / p99, ms",
+        ("lease: median", "lease: p99", "commit: median", "commit: p99"),
+    ),
+    "scale-shares": (
+        "Redis / monitor, cores; Redis, µs of a slice",
+        ("Redis", "monitors", "Redis, of a slice"),
+    ),
 }
+
+#: The cost of a request: µs of Redis and bytes of its log.
+Costs = dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How much is simulated."""
+
+    workers: tuple[int, ...] = (1, 100, 1000)  #: each with each of the jobs
+    jobs: tuple[int, ...] = (1, 30, 1000)
+    render_s: float = 2.0  #: of a slice there
+    rates: tuple[float, ...] = (1000.0,)  #: slices/s, asked of the most workers
+    monitors: tuple[int, ...] = (1, 2)  #: with each of the rates
+    waiting: int = 1000  #: workers without jobs, and then jobs without workers
+    turns: int = 300  #: of each request whose cost is measured
+    warm_s: float = 1.0  #: after the first slices were committed
+    seconds: float = 3.0
+    size: int = 16  #: of partials, in pixels
+    folder: str = "/dev/shm"  #: for blobs
+
+
+@dataclass
+class Found:
+    """All that was measured."""
+
+    costs: Costs
+    loads: dict[str, dict[str, float]] = field(default_factory=dict)  #: by name: figures by name
+    others: list[float] = field(default_factory=list)
 
 
 def main() -> None:
@@ -47,181 +86,186 @@ def main() -> None:
         parser.add_argument(option, type=kind, default=value, help=f"{value} if not given", **many)
     given: dict[str, Any] = vars(parser.parse_args())
     for name, value in given.items():
-        if isinstance(value, list):
-            given[name] = tuple(value)
+        given[name] = tuple(value) if isinstance(value, list) else value
     plan = Plan(**given)
-    report = write_report(
+    write_report(
         "scale",
-        figures(measure(plan)),
+        tables(plan, measure(plan)),
         settings=asdict(plan),
         notes=[
             "Redis, monitors and the processes that simulate workers share one machine.",
             "A simulated worker waits instead of rendering; its partials are 16×16 pixels.",
             "Jobs have defaults: 25 spp a slice, an evaluation after four; no rule ends them.",
-            "Redis waits for its disk as it does for users; blobs are in memory unless stated.",
+            "Redis waits for its disk as it does for users; blobs are in memory.",
             "Merges are those that monitors report every two seconds.",
             "A simulated worker, whose latencies these are, shares a process with hundreds.",
         ],
+        document="scale.md",
     )
-    markdown.fill(markdown.DOCS / "scale.md", tables(report))
 
 
-def figures(found: Found) -> list[Figure]:
-    """Return the figures: the costs of requests, then those of each load."""
-    return [
-        *(one for name, cost in found.costs.items() for one in _costs(name, *cost)),
-        *(one for name, cost in found.merges.items() for one in _merges(name, *cost)),
-        *(one for seen in found.seen for one in _seen(seen)),
-        others_figure([seen.others for seen in found.seen]),
-    ]
+def measure(plan: Plan) -> Found:
+    """Measure every load and cost; the default plan takes some minutes."""
+    with _control_plane(plan, monitors=0) as farm:
+        found = Found(costs(farm, jobs=max(plan.jobs), turns=plan.turns))
+    most, some = max(plan.workers), sorted(plan.jobs)[-2:][0]
+    for workers in plan.workers:
+        for jobs in plan.jobs:
+            name = f"{workers} workers, {jobs} jobs"
+            _add_load(found, plan, name, workers, jobs, plan.render_s)
+    for monitors in plan.monitors:
+        for rate in plan.rates:
+            name = f"{rate:g}/s asked of {monitors} monitor{'s' * (monitors != 1)}"
+            _add_load(found, plan, name, most, some, most / rate, monitors=monitors)
+    _add_load(found, plan, f"{plan.waiting} idle workers", plan.waiting, 0, plan.render_s)
+    _add_load(found, plan, f"{plan.waiting} waiting jobs", 0, plan.waiting, plan.render_s)
+    return found
 
 
-def _costs(name: str, cpu_us: float, log_bytes: float) -> list[Figure]:
-    return [
-        figure(f"{name}: Redis", [cpu_us], "µs"),
-        figure(f"{name}{_LOG}", [log_bytes], "bytes"),
-    ]
+@contextmanager
+def _control_plane(plan: Plan, monitors: int = 1) -> Iterator[ControlPlane]:
+    with (
+        tempfile.TemporaryDirectory() as disk,
+        tempfile.TemporaryDirectory(dir=plan.folder) as fast,
+        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
+    ):
+        yield farm
 
 
-def _merges(size: str, cpu_ms: float, partial_bytes: float) -> list[Figure]:
-    return [
-        figure(f"{size}: a merge", [cpu_ms], "ms"),
-        figure(f"{size}{_PARTIAL}", [partial_bytes], "bytes"),
-    ]
-
-
-def _seen(seen: Seen) -> list[Figure]:
-    spent, slices = seen.spent, max(1, len(seen.slices))
-    values = {
-        "planned": (seen.planned_s, "s"),
-        "committed": (len(seen.slices) / spent.at, "1/s"),
-        "merged": (spent.merges / spent.merged_at if spent.merged_at else 0.0, "1/s"),
-        "Redis": (spent.redis_cpu_s / spent.at, "cores"),
-        "Redis, commands": (spent.commands / spent.at, "1/s"),
-        "Redis, scripts": (spent.scripts / spent.at, "1/s"),
-        "monitors": (spent.monitors_cpu_s / spent.at, "cores"),
+def _add_load(
+    found: Found,
+    plan: Plan,
+    name: str,
+    workers: int,
+    jobs: int,
+    render_s: float,
+    monitors: int = 1,
+) -> None:
+    with _control_plane(plan, monitors) as farm:
+        farm.add_jobs(jobs)
+        with farm.workers(workers, render_s=render_s, size=plan.size) as done:
+            time.sleep(1.5 * render_s + plan.warm_s)
+            with timed() as took:
+                before = farm.sample()
+                time.sleep(plan.seconds)
+                after = farm.sample()
+    slices = [one for one in done if before.at < one.at <= after.at]
+    spent = after.since(before)
+    found.others.append(took.others)
+    found.loads[name] = {
+        "committed": len(slices) / spent.at,
+        "merged": spent.merges / spent.merged_at if spent.merged_at else 0.0,
+        "Redis": spent.redis_cpu_s / spent.at,
+        "Redis, commands": spent.commands / spent.at,
+        "Redis, scripts": spent.scripts / spent.at,
+        "Redis, of a slice": 1e6 * spent.redis_cpu_s / max(1, len(slices)),
+        "monitors": spent.monitors_cpu_s / spent.at,
+        **_latencies(slices),
     }
-    if seen.slices:
-        values |= {
-            "Redis, of a slice": (1e6 * spent.redis_cpu_s / slices, "µs"),
-            "Redis's log, of a slice": (spent.log_bytes / slices, "bytes"),
-            "commands, of a slice": (spent.commands / slices, "calls"),
-            "monitor, of a slice": (
-                1e6 * spent.monitors_cpu_s / spent.at / max(1e-9, values["merged"][0])
-                if values["merged"][0]
-                else 0.0,
-                "µs",
-            ),
-            "merge, its fetch included": (spent.merges_us / max(1, spent.merges), "µs"),
-            "evaluation": (spent.evaluations_us / max(1, spent.evaluations), "µs"),
-        }
-        for step in ("lease", "put", "commit"):
-            times = [1000 * getattr(one, f"{step}_s") for one in seen.slices]
-            values[f"{step}: median"] = statistics.median(times), "ms"
-            values[f"{step}: p99"] = p99(times), "ms"
-    return [figure(f"{seen.name}: {name}", [value], unit) for name, (value, unit) in values.items()]
+    print(f"{name}: {found.loads[name]['committed']:.0f} slices/s", flush=True)
 
 
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: the machine, requests, workers and jobs, rates, idleness."""
-    found = {one["name"]: one["value"] for one in report["figures"]}
-    settings = report["settings"]
-    periods = {
-        "a slice renders for": f"{settings['render_s']:g} s",
-        "measured for": f"{settings['seconds']:g} s",
-    }
+def _latencies(slices: Sequence[Slice]) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for step in ("lease", "commit") if slices else ():
+        times = [1000 * getattr(one, f"{step}_s") for one in slices]
+        values |= {f"{step}: median": statistics.median(times), f"{step}: p99": p99(times)}
+    return values
 
-    def grid(head: str, *names: str) -> str:
-        def cell(workers: int, jobs: int) -> str:
-            values = [found.get(f"{workers} workers, {jobs} jobs: {name}") for name in names]
-            return " / ".join("–" if value is None else f"{value:.3g}" for value in values)
 
-        return markdown.table(
-            [head, *(f"{jobs} jobs" for jobs in settings["jobs"])],
-            [
-                [f"{workers} workers", *(cell(workers, jobs) for jobs in settings["jobs"])]
-                for workers in settings["workers"]
-            ],
+def costs(farm: ControlPlane, *, jobs: int, turns: int) -> Costs:
+    """Return the cost of each request.
+
+    The control plane has no monitors and no jobs; this many `jobs` wait during the measurement.
+    Each request is made `turns` times.
+    """
+    owners, queue = Ownerships(farm.client, lease_s=600), SliceQueue(farm.client, "one", 600)
+    owned: list[Ownership] = []
+    for _ in range(jobs):
+        one = owners.acquire(farm.add_job())
+        if one is None:
+            raise AssertionError("somebody owns a new job")
+        owners.plan(one, range(turns))
+        owned.append(one)
+    leases: list[Lease] = []
+
+    def lease(_: int) -> None:
+        found = queue.lease(_VARIANTS, None, in_turn=False)
+        if found is None:
+            raise AssertionError("there is nothing to lease")
+        leases.append(found)
+
+    def commit(turn: int) -> None:
+        blob = f"jobs/{leases[turn].job_id}/partials/{turn:06d}-one-1.exr"
+        record = made_up_record(
+            leases[turn], blob=blob, sha256="0" * 64, worker="one", render_s=1.0
         )
+        queue.commit(leases[turn], record, width=16, height=16, notes=())
 
-    def rows(head: Sequence[str], starts: Sequence[str], names: Sequence[str]) -> str:
-        return markdown.table(
-            head,
-            [
-                [start, *(f"{found.get(f'{start}: {one}', 0):.3g}" for one in names)]
-                for start in starts
-            ],
-        )
-
-    loads = [name.rpartition(": committed")[0] for name in found if name.endswith(": committed")]
-    sizes = [name.removesuffix(_PARTIAL) for name in found if name.endswith(_PARTIAL)]
-    requests = [name[: -len(_LOG)] for name in found if name.endswith(_LOG)]
-    return {
-        "scale-machine": markdown.machine({**report, "settings": periods}, tuple(periods)),
-        "scale-costs": rows(
-            ["", "Redis, µs", "its log, bytes"],
-            requests,
-            ["Redis", "Redis's log"],
-        ),
-        "scale-merges": rows(
-            ["", "CPU of a merge, ms", "a partial, bytes"], sizes, ["a merge", "a partial"]
-        ),
-        "scale-plan": _plan(found, sizes[1:]),
-        "scale-slices": grid("committed / merged in a second", "committed", "merged"),
-        "scale-latencies": grid(
-            "lease median / p99, commit median / p99, ms",
-            "lease: median",
-            "lease: p99",
-            "commit: median",
-            "commit: p99",
-        ),
-        "scale-shares": grid(
-            "Redis / monitor, cores; Redis, µs of a slice", "Redis", "monitors", "Redis, of a slice"
-        ),
-        "scale-rates": rows(
-            [
-                f"{max(settings['workers'])} workers",
-                "committed, 1/s",
-                "merged, 1/s",
-                "Redis, cores",
-                "monitors, cores",
-                "commit, median, ms",
-                "p99, ms",
-            ],
-            [one for one in loads if "asked" in one],
-            ["committed", "merged", "Redis", "monitors", "commit: median", "commit: p99"],
-        ),
-        "scale-idle": rows(
-            ["", "Redis, cores", "its commands, 1/s", "its scripts, 1/s", "monitor, cores"],
-            [one for one in loads if one.endswith((" idle workers", " waiting jobs"))],
-            ["Redis", "Redis, commands", "Redis, scripts", "monitors"],
+    first = owned[0]
+    requests: dict[str, Callable[[int], object]] = {
+        "lease a slice": lease,
+        "heartbeat with one lease": lambda turn: queue.heartbeat({"id": "one"}, (leases[turn],)),
+        "commit a slice": commit,
+        "monitor: read a job": lambda _: farm.jobs.get(first.job_id),
+        "monitor: plan": lambda turn: owners.plan(first, range(turns + turn + 1)),
+        "monitor: read what is committed": lambda _: owners.committed(first.job_id, range(16)),
+        "monitor: a point of the curve": lambda turn: owners.append_point(
+            first, 100 * (turn + 1), _POINT
         ),
     }
+    found = {}
+    for name, request in requests.items():
+        before = farm.sample()
+        for turn in range(turns):
+            request(turn)
+        spent = farm.sample().since(before)
+        found[name] = 1e6 * spent.redis_cpu_s / turns, spent.log_bytes / turns
+    return found
 
 
-def _plan(found: dict[str, float], sizes: Sequence[str]) -> str:
-    """Return what a planned farm would need, by the costs of its single requests."""
+def tables(plan: Plan, found: Found) -> dict[str, Table]:
+    """Return the tables: the machine, requests, workers and jobs, rates, idleness."""
 
-    def asked(of: str) -> float:
-        return sum(times * found[f"{name}{of}"] for name, times in _ASKED.items())
+    def cell(load: str, names: Sequence[str]) -> str:
+        values = [found.loads[load].get(name) for name in names]
+        return " / ".join("–" if value is None else f"{value:.3g}" for value in values)
 
-    beats = _PLANNED / _HEARTBEAT_S
-    beat = "heartbeat with one lease"
-    lines = []
-    for render_s in _PLANNED_RENDER_S:
-        rate = _PLANNED / render_s
-        cores = (rate * asked(": Redis") + beats * found[f"{beat}: Redis"]) / 1e6
-        log = (rate * asked(_LOG) + beats * found[f"{beat}{_LOG}"]) / 1e6
-        values = [rate, cores, log]
-        for size in sizes:
-            values += [
-                rate * found[f"{size}{_PARTIAL}"] / 1e9,
-                rate * found[f"{size}: a merge"] / 1e3,
+    def grid(head: str, names: Sequence[str]) -> Table:
+        rows = [
+            [
+                f"{workers} workers",
+                *(cell(f"{workers} workers, {jobs} jobs", names) for jobs in plan.jobs),
             ]
-        lines.append([f"{render_s} s", *(f"{value:.2g}" for value in values)])
-    head = ["a slice takes", "slices/s", "Redis, cores", "its log, MB/s"]
-    of_size = [f"{size}: {what}" for size in sizes for what in ("partials, GB/s", "merges, cores")]
-    return markdown.table([*head, *of_size], lines)
+            for workers in plan.workers
+        ]
+        return [[head, *(f"{jobs} jobs" for jobs in plan.jobs)], *rows]
+
+    def rows(names: Sequence[str], ends: tuple[str, ...]) -> Table:
+        loads = [load for load in found.loads if any(end in load for end in ends)]
+        return [[load, *(cell(load, [name]) for name in names)] for load in loads]
+
+    asked = [[name, *(f"{value:.3g}" for value in one)] for name, one in found.costs.items()]
+    periods = {
+        "a slice renders for": f"{plan.render_s:g} s",
+        "measured for": f"{plan.seconds:g} s",
+    }
+    rates = ("committed", "merged", "Redis", "monitors", "commit: median", "commit: p99")
+    idle = ("Redis", "Redis, commands", "Redis, scripts", "monitors")
+    head = ["committed, 1/s", "merged, 1/s", "Redis, cores", "monitors, cores"]
+    return {
+        "scale-machine": machine_table(periods, found.others),
+        "scale-costs": [["", "Redis, µs", "its log, bytes"], *asked],
+        **{name: grid(*about) for name, about in _GRIDS.items()},
+        "scale-rates": [
+            [f"{max(plan.workers)} workers", *head, "commit, median, ms", "p99, ms"],
+            *rows(rates, ("asked",)),
+        ],
+        "scale-idle": [
+            ["", "Redis, cores", "its commands, 1/s", "its scripts, 1/s", "monitor, cores"],
+            *rows(idle, (" idle workers", " waiting jobs")),
+        ],
+    }
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ scene and renders the same passes. They alternate, with kernels that Dr.Jit has 
 in an empty home where it has to compile them. `plateau --help` is timed as well.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -18,23 +16,19 @@ import tempfile
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Final
 
-from bench import ROOT, STILL
-from bench.support import markdown
-from bench.support.bare.alone import Alone
-from bench.support.cores import Taken, timed
-from bench.support.report import Figure, figure, others_figure, write_report
+from bench import ROOT
+from bench.support.alone import Alone
+from bench.support.processes import Taken, timed
+from bench.support.report import Table, machine_table, spread, write_report
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.variants import VariantChoice, choose
 
-if TYPE_CHECKING:
-    pass
-
-_SCENE = STILL
-_BARE = "one Mitsuba process that renders the same passes and writes nothing"
+#: A scene without noise, whose job converges at once.
+_SCENE: Final = ROOT / "bench" / "support" / "still"
 #: Whether Dr.Jit has compiled the scene's kernels before.
 KERNELS = ("kernels at hand", "kernels compiled")
 HELP = "plateau --help"
@@ -70,23 +64,17 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=Plan.size, help="of the image, in pixels")
     options = parser.parse_args()
     plan = Plan(pairs=options.pairs, size=options.size)
-    found = measure(plan)
-    report = write_report(
+    write_report(
         "startup",
-        figures(found),
-        settings={
-            "size": f"{plan.size}×{plan.size}",
-            "spp": found.spp,
-            "pairs": plan.pairs,
-            "variant": choose(Settings().cache).variant,
-        },
+        tables(plan, measure(plan)),
+        settings={"pairs": plan.pairs, "helps": plan.helps},
         notes=[
             "A first run of each is not counted: it compiles modules and reads files.",
             "The variant of this machine and the metric's kernels are cached in all runs.",
             "If other work had a share of the cores, times are too long.",
         ],
+        document="performance.md",
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def measure(plan: Plan) -> Found:
@@ -113,8 +101,8 @@ def measure(plan: Plan) -> Found:
                         took[name] = _bare(plan, choice, cache, spp)
                 pairs[kind].append((took["ours"], took["bare"]))
             print(f"pair {number + 1} of {plan.pairs} done", file=sys.stderr)
-    _help()
-    return Found(spp, pairs, [_help() for _ in range(plan.helps)])
+    helps = [_plateau(Settings().cache, "--help") for _ in range(1 + plan.helps)]
+    return Found(spp, pairs, helps[1:])
 
 
 def _environment(cache: Path) -> dict[str, str]:
@@ -124,22 +112,19 @@ def _environment(cache: Path) -> dict[str, str]:
     return environment
 
 
+def _plateau(cache: Path, *arguments: str) -> Taken:
+    command = [sys.executable, "-m", "plateau", *arguments]
+    with timed() as taken:
+        subprocess.run(command, cwd=ROOT, env=_environment(cache), capture_output=True, check=True)
+    return taken
+
+
 def _render(plan: Plan, choice: VariantChoice, cache: Path) -> tuple[int, Taken]:
     """Return the spp at which `plateau render` converged, and its times."""
+    size = (f"-Dwidth={plan.size}", f"-Dheight={plan.size}")
+    variant = ("--variant", plan.variant) if plan.variant else ()
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "plateau", "render", str(_SCENE), "--out", out]
-        command += [f"-Dwidth={plan.size}", f"-Dheight={plan.size}"]
-        command += ["--variant", plan.variant] if plan.variant else []
-        with timed() as taken:
-            subprocess.run(
-                command,
-                cwd=ROOT,
-                env=_environment(cache),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                check=True,
-            )
+        taken = _plateau(cache, "render", str(_SCENE), "--out", out, *size, *variant)
         job = json.loads((Path(out) / "summary.json").read_text())
     expected = ("converged", plan.variant or choice.variant)
     if (job["state"], job["variant"]) != expected:
@@ -170,55 +155,26 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
     return taken
 
 
-def _help() -> Taken:
-    with timed() as taken:
-        subprocess.run(
-            [sys.executable, "-m", "plateau", "--help"],
-            cwd=ROOT,
-            env=_environment(Settings().cache),
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
-    return taken
-
-
-def figures(found: Found) -> list[Figure]:
-    """Return the figures."""
-    made = []
+def tables(plan: Plan, found: Found) -> dict[str, Table]:
+    """Return the tables: each start, the help, and the machine."""
+    rows = []
     for kind, pairs in found.pairs.items():
-        columns = {
-            "plateau render": [ours.wall_s for ours, _ in pairs],
-            "Mitsuba alone": [bare.wall_s for _, bare in pairs],
-            "beyond Mitsuba": [ours.wall_s - bare.wall_s for ours, bare in pairs],
-        }
-        for name, values in columns.items():
-            compared = _BARE if name == "beyond Mitsuba" else None
-            goal = _COLUMNS[name]
-            made.append(figure(f"{kind}: {name}", values, "s", compared_with=compared, goal=goal))
-        made.append(
-            figure(f"{kind}: CPU time of all processes", [one.cpu_s for one, _ in pairs], "s")
-        )
-    helps = [one.wall_s for one in found.helps]
-    made.append(figure(HELP, helps, "s", goal="under 0.3 s"))
-    taken = [one for pairs in found.pairs.values() for pair in pairs for one in pair]
-    return [*made, others_figure([one.others for one in taken])]
-
-
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: each start, and the help."""
-    found = {one["name"]: one for one in report["figures"]}
-
-    def cell(name: str) -> str:
-        return markdown.spread(found[name], 2)
-
-    rows = [[kind, *(cell(f"{kind}: {name}") for name in _COLUMNS)] for kind in KERNELS]
+        ours, bare = ([one.wall_s for one in runs] for runs in zip(*pairs, strict=True))
+        beyond = [one - other for one, other in zip(ours, bare, strict=True)]
+        rows.append([kind, *(spread(values, 2) for values in (ours, bare, beyond))])
     goals = ["goal", *(goal or "" for goal in _COLUMNS.values())]
+    helps = spread([one.wall_s for one in found.helps], 2)
+    settings = {
+        "size": f"{plan.size}×{plan.size}",
+        "spp": found.spp,
+        "pairs": plan.pairs,
+        "variant": plan.variant or choose(Settings().cache).variant,
+    }
+    others = [one.others for pairs in found.pairs.values() for pair in pairs for one in pair]
     return {
-        "startup": markdown.table(["wall time, s", *_COLUMNS], [*rows, goals]),
-        "startup-help": markdown.table(
-            ["", "wall time, s", "goal"], [[f"`{HELP}`", cell(HELP), found[HELP]["goal"]]]
-        ),
-        "startup-machine": markdown.machine(report, ("size", "spp", "pairs", "variant")),
+        "startup": [["wall time, s", *_COLUMNS], *rows, goals],
+        "startup-help": [["", "wall time, s", "goal"], [f"`{HELP}`", helps, "under 0.3 s"]],
+        "startup-machine": machine_table(settings, others),
     }
 
 

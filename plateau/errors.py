@@ -32,6 +32,10 @@ class CommandFailed(PlateauError):
     """A command cannot do its work; the message says why and what to do."""
 
 
+class OtherVersion(CommandFailed):
+    """The service is not of this version."""
+
+
 class ExtraMissing(PlateauError, ImportError):
     """A package is not installed; the message names the extra that brings it."""
 

@@ -1,17 +1,19 @@
-"""The report of a benchmark: its figures, the machine and the date."""
+"""Reports of benchmarks: small tables, in ``bench/results`` and in the documents.
 
-from __future__ import annotations
+A document has a place for a table, a pair of comments ``<!-- NAME -->`` and ``<!-- /NAME -->``, and
+a benchmark writes its tables there, so that no figure is copied by hand.
+"""
 
 import json
 import os
 import platform
 import re
 import statistics
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 import psutil
 
@@ -19,53 +21,90 @@ from bench import ROOT
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries
 from plateau.worker.supervisor.llvm_libraries import version as llvm_version
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+RESULTS: Final = ROOT / "bench" / "results"
+DOCS: Final = ROOT / "docs" / "science"
+OTHERS: Final = "other work on the cores"
 
-RESULTS = ROOT / "bench" / "results"
-OTHERS = "other work on the cores meanwhile"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spread:
-    """The range of the runs behind a figure."""
-
-    lowest: float
-    highest: float
-    runs: int
+#: The head, and the rows; the first cell of a row says what it is of.
+Table = list[list[str]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """One number, with everything needed to read it."""
-
-    name: str
-    value: float
-    unit: str  #: such as ``ratio``, ``s``, ``spp/s``
-    compared_with: str | None = None  #: in words; None for a plain measurement
-    goal: str | None = None  #: in words
-    spread: Spread | None = None
-
-
-def figure(
+def write_report(
     name: str,
-    values: Sequence[float],
-    unit: str,
+    tables: Mapping[str, Table],
     *,
-    compared_with: str | None = None,
-    goal: str | None = None,
-) -> Figure:
-    """Return the median of the runs as a figure, with their spread."""
-    return Figure(
-        name=name,
-        value=_significant(statistics.median(values)),
-        unit=unit,
-        compared_with=compared_with,
-        goal=goal,
-        spread=Spread(
-            lowest=_significant(min(values)), highest=_significant(max(values)), runs=len(values)
-        ),
-    )
+    settings: Mapping[str, Any],
+    notes: Sequence[str] = (),
+    document: str | None = None,
+    key: Callable[[str], str] = str,
+) -> None:
+    """Write ``bench/results/NAME.json`` and the document's tables, and print them.
+
+    Rows of the last report stay if no new row has the same `key` of its first cell: so scenes can
+    be measured one after the other.
+    """
+    known = last_tables(name)
+    tables = {one: renewed(known.get(one), table, key) for one, table in tables.items()}
+    about = {
+        "benchmark": name,
+        "at": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "settings": settings,
+        "notes": list(notes),
+    }
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / f"{name}.json").write_text(_as_json(about, {**known, **tables}))
+    for one, table in tables.items():
+        print(f"{one}\n\n{markdown(table)}")
+    if document is not None:
+        fill(DOCS / document, {one: markdown(table) for one, table in tables.items()})
+
+
+def last_tables(name: str) -> dict[str, Table]:
+    """Return the tables of the last report of this name."""
+    path = RESULTS / f"{name}.json"
+    tables: dict[str, Table] = json.loads(path.read_text())["tables"] if path.exists() else {}
+    return tables
+
+
+def renewed(known: Table | None, new: Table, key: Callable[[str], str] = str) -> Table:
+    """Return a table whose rows are replaced by those with the same key, in their place."""
+    if known is None:
+        return new
+    head, *rows = new
+    made: Table = [head]
+    for row in known[1:]:
+        same = [one for one in rows if key(one[0]) == key(row[0])]
+        made += same or ([] if key(row[0]) in {key(one[0]) for one in new[1:]} else [row])
+        rows = [one for one in rows if one not in same]
+    return made + rows
+
+
+def _as_json(about: Mapping[str, Any], tables: Mapping[str, Table]) -> str:
+    """Return a report as JSON, with a line for each row."""
+
+    def inline(value: Any) -> str:
+        return json.dumps(value, ensure_ascii=False)
+
+    parts = [f"  {inline(name)}: {inline(value)}" for name, value in about.items()]
+    rows = [
+        f"    {inline(name)}: [\n" + ",\n".join(f"      {inline(row)}" for row in table) + "\n    ]"
+        for name, table in tables.items()
+    ]
+    return "{\n" + ",\n".join(parts) + ',\n  "tables": {\n' + ",\n".join(rows) + "\n  }\n}\n"
+
+
+def markdown(table: Table) -> str:
+    """Return a table as Markdown."""
+    head, *rows = table
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def spread(values: Sequence[float], decimals: int) -> str:
+    """Return the median, and the lowest and highest value."""
+    found = statistics.median(values), min(values), max(values)
+    return "{} ({} to {})".format(*(f"{value:.{decimals}f}" for value in found))
 
 
 def p99(values: Sequence[float]) -> float:
@@ -73,73 +112,31 @@ def p99(values: Sequence[float]) -> float:
     return sorted(values)[-(-99 * len(values) // 100) - 1]
 
 
-def others_figure(shares: Sequence[float]) -> Figure:
-    """Return other work's share of the cores, which makes times too long."""
-    return figure(OTHERS, shares, "of the cores", goal="none, for figures to quote")
+def machine_table(settings: Mapping[str, Any], others: Sequence[float] = ()) -> Table:
+    """Return this machine, settings of a run, and the share of the cores that other work took."""
+    about = machine()
+    head = ["machine", "cores", *settings]
+    row = [f"{about['cpu']}, {about['os']}", about["cores"], *settings.values()]
+    if others:
+        head.append(OTHERS)
+        row.append(f"{statistics.median(others):.0%}, {max(others):.0%} at most")
+    return [head, list(map(str, row))]
 
 
-def write_report(
-    name: str, figures: Sequence[Figure], *, settings: dict[str, Any], notes: Sequence[str]
-) -> dict[str, Any]:
-    """Write ``bench/results/NAME.json``, print its figures, and return it as it is read again.
-
-    Parameters
-    ----------
-    name
-        The name of the benchmark.
-    figures
-        The figures that it measured.
-    settings
-        The values with which it ran.
-    notes
-        What was left out, and what a reader might misunderstand.
-    """
-    report = {
-        "benchmark": name,
-        "at": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "machine": machine(),
-        "settings": settings,
-        "notes": list(notes),
-        "figures": [asdict(one) for one in figures],
-    }
-    RESULTS.mkdir(exist_ok=True)
-    path = RESULTS / f"{name}.json"
-    path.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n")
-    for one in figures:
-        print(in_words(one))
-    print(f"written to {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}")
-    return last_report(name)
+def places(document: Path) -> dict[str, str]:
+    """Return the content of each place of a document, by name."""
+    place = r"<!-- ([\w-]+) -->\n\n?(.*?)\n?<!-- /\1 -->"
+    return dict(re.findall(place, document.read_text(), re.DOTALL))
 
 
-def last_figures(name: str) -> list[Figure]:
-    """Return the last report's figures; those of cases that are not measured now stay."""
-    made = last_report(name)["figures"]
-    return [Figure(**{**one, "spread": one["spread"] and Spread(**one["spread"])}) for one in made]
-
-
-def last_report(name: str) -> dict[str, Any]:
-    """Return the last report of this name, or an empty one if there is none."""
-    path = RESULTS / f"{name}.json"
-    nothing: dict[str, Any] = {"settings": {}, "figures": []}
-    return json.loads(path.read_text()) if path.exists() else nothing
-
-
-def renewed(kept: list[Figure], case: str, figures: Iterable[Figure]) -> list[Figure]:
-    """The figures with those of a case replaced; their names begin with its name."""
-    others = [one for one in kept if not one.name.startswith(f"{case}: ")]
-    return others + [replace(one, name=f"{case}: {one.name}") for one in figures]
-
-
-def in_words(one: Figure) -> str:
-    """Return a figure as one line."""
-    words = f"{one.name}: {one.value:g} {one.unit}"
-    if one.spread is not None:
-        words += f" ({one.spread.lowest:g} to {one.spread.highest:g} in {one.spread.runs} runs)"
-    if one.compared_with is not None:
-        words += f", compared with {one.compared_with}"
-    if one.goal is not None:
-        words += f"; goal: {one.goal}"
-    return words
+def fill(document: Path, texts: Mapping[str, str]) -> None:
+    """Write texts into their places in a document; skip those without a place."""
+    text = document.read_text()
+    for name in texts.keys() & places(document).keys():
+        start, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+        before, rest = text.split(start)
+        text = f"{before}{start}\n{texts[name]}\n{end}{rest.split(end)[1]}"
+    document.write_text(text)
 
 
 def machine() -> dict[str, Any]:
@@ -165,7 +162,3 @@ def _cpu_model() -> str:
         if found:
             return found[1]
     return platform.processor() or platform.machine()
-
-
-def _significant(value: float) -> float:
-    return float(f"{value:.4g}")

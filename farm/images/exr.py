@@ -124,7 +124,7 @@ def decode_partial(content: bytes) -> Partial:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
             planes = file.channels()
             header = dict(file.header())
-            channels = _channels(header)
+            channels = Channels(json.loads(header[_CHANNELS]), json.loads(header[_IDS]))
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
@@ -150,12 +150,6 @@ def decode_partial(content: bytes) -> Partial:
         mattes=attributes_of(header),
         renderer=str(header.get(_RENDERER, "")),
     )
-
-
-def _channels(header: Attributes) -> Channels:
-    if _CHANNELS not in header:
-        return Channels()
-    return Channels(json.loads(header[_CHANNELS]), json.loads(header[_IDS]))
 
 
 def encode_image(

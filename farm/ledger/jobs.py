@@ -283,10 +283,7 @@ class Jobs:
             return self._redis.hget(keys.job(job_id), "results") or ""
 
     def sha256(self, blob: str) -> str | None:
-        """The SHA-256 of a job's result or preview.
-
-        None where an older Plateau did not note it, or the blob went.
-        """
+        """The SHA-256 of a job's result or preview; None where the blob went."""
         job_id, name = blobs.in_job(blob)
         with unavailable_as_farm_error():
             sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)

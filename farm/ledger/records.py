@@ -25,8 +25,8 @@ _LOG = logging.getLogger(__name__)
 
 
 def curve_point(text: str, at: str) -> CurvePoint:
-    """A point as `append_point` stored it, without the fields of a newer Plateau."""
-    return CurvePoint.model_validate({**json.loads(text), "at": moment(at)}, extra="ignore")
+    """A point as `append_point` stored it."""
+    return CurvePoint.model_validate({**json.loads(text), "at": moment(at)})
 
 
 def event(event_id: str, fields: dict[str, str]) -> Event:
@@ -49,7 +49,7 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 
 
 def worker(fields: dict[str, str]) -> Worker:
-    """A worker as its last heartbeat described it, without the fields of a newer Plateau."""
+    """A worker as its last heartbeat described it."""
     about = json.loads(fields["about"])
     known = {
         **about,
@@ -57,7 +57,7 @@ def worker(fields: dict[str, str]) -> Worker:
         "saved_core_hours": round(int(fields.get("saved_core_ms", 0)) / 3_600_000, 9),
         "seen_at": moment(fields["seen_at"]),
     }
-    return Worker.model_validate(known, extra="ignore")
+    return Worker.model_validate(known)
 
 
 def prefix_length(indices: Container[int]) -> int:
@@ -250,7 +250,7 @@ def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
 
 
 def core_hours(fields: Mapping[str, str | None]) -> float:
-    """The job's core hours; time that an older Plateau counted is that of one core."""
+    """The job's core hours."""
     core_ms = int(fields["machine_ms"] or 0) + int(fields.get("further_core_ms") or 0)
     return round(core_ms / 3_600_000, 9)
 

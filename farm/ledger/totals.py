@@ -209,13 +209,7 @@ class MonitorWork:
         self._started_at = datetime.now(timezone.utc)
 
     def heartbeat(self, jobs: int) -> None:
-        """Report that the monitor lives, its number of jobs, and its work.
-
-        Raises
-        ------
-        Refused
-            It speaks no version that all other monitors and APIs speak.
-        """
+        """Report that the monitor lives, its number of jobs, and its work."""
         about = {
             "id": self._id,
             "host": socket.gethostname(),

@@ -1,13 +1,11 @@
 """Drains workers, which then take no more work, and resumes them."""
 
 from collections.abc import Iterable
-from datetime import datetime
 from typing import Final
 
-from plateau.farm.ledger.members import refused_within
 from plateau.farm.model.errors import WorkerNotFound
 from plateau.farm.model.fit import blocked_in
-from plateau.farm.model.worker import RefusedProcess, Worker
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
@@ -16,7 +14,6 @@ from plateau.farm.redis.scripts import Scripts
 
 #: A worker lives for this long after its last heartbeat.
 ALIVE_S: Final = 15.0
-_REMEMBERED_S: Final = 3600.0
 
 
 class Workers:
@@ -62,20 +59,6 @@ class Workers:
                 }
             )
             for worker in workers
-        ]
-
-    def refused(self, alive: Iterable[Worker]) -> list[RefusedProcess]:
-        """The processes that were refused in the last hour, the newest first.
-
-        Workers on a machine where one of `alive`, the living workers, started later are left out.
-        """
-        let_in: dict[str, datetime] = {}
-        for worker in alive:
-            let_in[worker.host] = max(worker.started_at, let_in.get(worker.host, worker.started_at))
-        return [
-            one
-            for one in refused_within(self._redis, _REMEMBERED_S)
-            if one.role != "worker" or one.host not in let_in or let_in[one.host] < one.at
         ]
 
     def _tell(self, worker_id: str, *, drains: bool) -> None:

@@ -19,8 +19,7 @@ _NAMED: Final = 100
 
 
 class _Record(BaseModel):
-    # A client may be older than the service that it talks to.
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
 
 class Extent(_Record):

@@ -42,10 +42,7 @@ class Durations:
 
 
 def histogram(numbers: Mapping[str, int], name: str, bounds_s: tuple[float, ...]) -> Histogram:
-    """The histogram of the sums of `Durations.numbers` under this name.
-
-    It has these bounds, and those of the sums: an older Plateau may have had others.
-    """
+    """The histogram of the sums of `Durations.numbers` under this name, with these bounds."""
     runs = dict.fromkeys((*bounds_s, float("inf")), 0)
     for key, number in numbers.items():
         start, le, bound = key.rpartition(" le ")

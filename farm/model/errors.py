@@ -21,11 +21,7 @@
     │   ├── BlobsUnavailable   the blob store does
     │   └── NotPermitted       Redis does not permit a command to this process's user
     ├── WrongStore         the blob store does not belong to this Redis, or cannot be one
-    ├── Incompatible       this Plateau cannot work on the farm that it is to join
-    │   ├── SchemaMismatch     it cannot work with the layout of the data in Redis
-    │   ├── WrongLayout        another Plateau has changed the layout meanwhile
-    │   ├── OldProcesses       a migration would shut out processes that live
-    │   └── Refused            the farm speaks other versions of the protocol
+    ├── Incompatible       the data in Redis has another layout than this Plateau's
     ├── FilesDiffer        this machine does not have the files of a scene root that a job names
     └── CorruptBlob        a blob does not match its name
         └── CorruptPartial     a partial does not match its ledger record
@@ -217,8 +213,7 @@ class BlobsUnavailable(StoreUnavailable):
 class NotPermitted(StoreUnavailable):
     """Redis does not permit a command to this process's user; see `plateau.farm.redis.acl`.
 
-    As when Redis is away, no job fails for it: the ACL file may be one of an older Plateau, and
-    work continues once it is replaced.
+    As when Redis is away, no job fails for it: work continues once the ACL file is replaced.
     """
 
     def __init__(self, said: str) -> None:
@@ -234,64 +229,21 @@ class WrongStore(FarmError):
 
 
 class Incompatible(FarmError):
-    """This Plateau cannot work on the farm that it is to join; the message says what to do."""
-
-
-class SchemaMismatch(Incompatible):
-    """This Plateau cannot work with the layout of the data in Redis."""
-
-
-def needs_other_layout(found: str) -> str:
-    """The beginning of each message about data of another layout."""
-    return (
-        f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works with "
-        f"layout {versions.LAYOUT}"
-    )
-
-
-class WrongLayout(Incompatible):
     """The data in Redis has another layout than this Plateau's; nothing was done."""
 
     def __init__(self, found: str) -> None:
-        newer = found.isdigit() and int(found) > versions.LAYOUT
-        what_to_do = (
-            "a newer Plateau has migrated it; install that version here"
-            if newer
-            else "start a monitor or an API of this Plateau, which migrates it"
-        )
-        super().__init__(f"{needs_other_layout(found)}: {what_to_do}. Nothing was changed")
-
-
-class OldProcesses(Incompatible):
-    """A migration would shut out processes that live."""
-
-    def __init__(self, found: str, who: tuple[str, ...]) -> None:
-        super().__init__(
-            f"{needs_other_layout(found)}. This one cannot migrate the data while these processes "
-            f"work with it as it is: {', '.join(who)}. Stop them, then start this one again. "
-            "Nothing was changed"
-        )
-        self.who = who
-
-
-class Refused(Incompatible):
-    """The farm speaks other versions of the protocol than this process."""
-
-    def __init__(self, oldest: int, newest: int, plateau: str) -> None:
-        #: whether the process is too old, not too new
-        self.too_old = oldest > versions.NEWEST
-        what_to_do = (
-            f"too old: install Plateau {plateau} here"
-            if self.too_old
-            else f"too new: upgrade the farm's monitors and APIs to Plateau {versions.plateau()} "
-            f"first, or install Plateau {plateau} here"
-        )
-        super().__init__(
-            f"the farm's monitors and APIs speak {versions.spoken(oldest, newest)} (Plateau "
-            f"{plateau}), and this process speaks "
-            f"{versions.spoken(versions.OLDEST, versions.NEWEST)} (Plateau {versions.plateau()}). "
-            f"It is {what_to_do}"
-        )
+        if found.isdigit():
+            why = (
+                f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, "
+                f"works with layout {versions.LAYOUT}: install the Plateau that wrote it, or "
+                "choose another PLATEAU_DATA or PLATEAU_REDIS_URL"
+            )
+        else:
+            why = (
+                f"Redis has data of layout {found!r}, which is none of Plateau's: set "
+                "PLATEAU_REDIS_URL or PLATEAU_DATA to a Redis or a folder that only Plateau uses"
+            )
+        super().__init__(f"{why}. Nothing was changed")
 
 
 class FilesDiffer(FarmError):

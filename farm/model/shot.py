@@ -13,8 +13,7 @@ from plateau.farm.model.states import JobState
 
 
 class _Record(BaseModel):
-    # A client may be older than the service that it talks to.
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
 
 class FrameWait(_Record):

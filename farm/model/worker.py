@@ -1,7 +1,6 @@
-"""Workers as they describe themselves, and processes that were not let into the farm."""
+"""Workers as they describe themselves."""
 
 from datetime import datetime
-from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -9,7 +8,7 @@ from plateau.farm.model.place_names import DEFAULT_POOL
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
 
 class Machine(_Record):
@@ -88,20 +87,6 @@ class Worker(_Record):
         description="what its bits depend on, for each variant that it has tried: renderer, "
         "library, processor, and the bits of a known image",
     )
-    machine: Machine | None = Field(None, description="null for a worker of an older Plateau")
+    machine: Machine | None = None
     started_at: datetime
     seen_at: datetime
-
-
-ProcessRole = Literal["api", "monitor", "worker"]
-
-
-class RefusedProcess(_Record):
-    """A process that was not let into the farm: the last one of its machine and role."""
-
-    role: ProcessRole
-    host: str
-    pid: int
-    plateau: str = Field(description="its version")
-    why: str = Field(description="what does not fit, and what to do")
-    at: datetime

@@ -9,7 +9,9 @@ import errno
 import logging
 import os
 import resource
+import secrets
 import signal
+import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +25,11 @@ _PLAIN = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PAT
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_DUMPABLE = 4
+
+
+def process_id() -> str:
+    """A unique id for this process: its machine, its process id, and a random part."""
+    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
 
 
 def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:

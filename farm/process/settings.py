@@ -34,239 +34,64 @@ _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
 
 class Settings(BaseSettings):
-    """Every setting of Plateau; each is read from ``PLATEAU_`` and its name in capitals."""
+    """Every setting of Plateau, read from ``PLATEAU_`` and its name in capitals.
+
+    docs/operations.md says what each is for.
+    """
 
     model_config = SettingsConfigDict(env_prefix="PLATEAU_", frozen=True, extra="ignore")
 
-    redis_url: str | None = Field(
-        None, repr=False, description="Redis to use; unset, `plateau up` starts an embedded one"
-    )
-    redis_user: str | None = Field(None, description="who asks there, where the URL does not say")
-    redis_password_file: _File = Field(
-        None, description="a file with the password of the URL's user, so that it is not in the URL"
-    )
-    redis_ca: _File = Field(
-        None,
-        description="certificates of who may sign that of a rediss:// Redis; unset, those that the "
-        "machine trusts",
-    )
-    redis_cert: _File = Field(
-        None, description="certificate that is shown to a rediss:// Redis that asks for one"
-    )
-    redis_key: _File = Field(None, description="the private key of that certificate")
-    redis_sentinel_password_file: _File = Field(
-        None, description="a file with the password of the sentinels, where they want one"
-    )
-    blobs: str | None = Field(
-        None,
-        description="blob store: a folder, or s3://BUCKET/PREFIX with AWS_… for its credentials "
-        "and endpoint; unset, a folder under the data one",
-    )
-    data: Path = Field(
-        _DIRS.user_data_path, description="folder of the embedded Redis and the local blobs"
-    )
-    cache: Path = Field(
-        _DIRS.user_cache_path,
-        description="folder of unpacked scenes, compiled kernels and new uploads",
-    )
-    url: str = Field(
-        "http://127.0.0.1:8713", description="the service that the client commands talk to"
-    )
-    key: SecretStr | None = Field(
-        None, description="API key that the client commands show the service"
-    )
-    key_file: Path | None = Field(None, description="a file with that key, instead")
-    key_requests_per_minute: float = Field(
-        1200.0, gt=0, le=1e6, description="how many requests a minute a new API key may make"
-    )
-    key_burst: int = Field(
-        200, ge=1, le=1_000_000, description="and how many at once, after a pause"
-    )
-    key_upload_gb: float | None = Field(
-        None,
-        gt=0,
-        le=_MOST_GB,
-        description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB",
-    )
-    key_scenes_gb: float | None = Field(
-        50.0, gt=0, le=2**30, description="how much a new API key may have stored of scenes"
-    )
-    key_open_jobs: int = Field(
-        10_000,
-        ge=1,
-        le=1_000_000_000,
-        description="how many jobs of a new API key may be open at once",
-    )
-    key_jobs_at_once: int | None = Field(
-        None,
-        ge=1,
-        le=1_000_000_000,
-        description="how many jobs of a new API key may be rendered at once; unset, any",
-    )
-    key_core_hours_per_week: float | None = Field(
-        None,
-        gt=0,
-        le=1e9,
-        allow_inf_nan=False,
-        description="how many core hours the jobs of a new API key may cost in a week; unset, any",
-    )
-    lease_s: float = Field(
-        15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
-    )
+    redis_url: str | None = Field(None, repr=False)
+    redis_user: str | None = None
+    redis_password_file: _File = None
+    redis_ca: _File = None
+    redis_cert: _File = None
+    redis_key: _File = None
+    redis_sentinel_password_file: _File = None
+    blobs: str | None = None
+    data: Path = _DIRS.user_data_path
+    cache: Path = _DIRS.user_cache_path
+    url: str = "http://127.0.0.1:8713"
+    key: SecretStr | None = None
+    key_file: Path | None = None
+    key_requests_per_minute: float = Field(1200.0, gt=0, le=1e6)
+    key_burst: int = Field(200, ge=1, le=1_000_000)
+    key_upload_gb: float | None = Field(None, gt=0, le=_MOST_GB)
+    key_scenes_gb: float | None = Field(50.0, gt=0, le=2**30)
+    key_open_jobs: int = Field(10_000, ge=1, le=1_000_000_000)
+    key_jobs_at_once: int | None = Field(None, ge=1, le=1_000_000_000)
+    key_core_hours_per_week: float | None = Field(None, gt=0, le=1e9, allow_inf_nan=False)
+    lease_s: float = Field(15.0, gt=0, le=_DAY_S)
     heartbeat_s: float = Field(
-        default_factory=lambda known: min(5.0, known["lease_s"] / 3),
-        gt=0,
-        le=_DAY_S,
-        description="a worker renews its leases this often; unset, 5 or a third of the lease",
+        default_factory=lambda known: min(5.0, known["lease_s"] / 3), gt=0, le=_DAY_S
     )
-    pass_timeout_s: float = Field(
-        1200.0,
-        gt=0,
-        le=_DAY_S,
-        description="how long a render child may work at a part of a pass, usually about a second, "
-        "before it is killed, while its scene's pace is not known",
-    )
-    load_timeout_s: float = Field(
-        1200.0,
-        gt=0,
-        le=_DAY_S,
-        description="how long a render child may work at loading a scene before it is killed",
-    )
-    child_memory_gb: float | None = Field(
-        None,
-        gt=0,
-        le=_MOST_GB,
-        description="memory limit of a render child; unset, 80 % of the machine's, divided among "
-        "PLATEAU_WORKERS_HERE",
-    )
-    workers_here: int = Field(
-        1,
-        gt=0,
-        le=4096,
-        description="how many workers share this machine's memory; `plateau up` sets it",
-    )
-    max_upload_gb: float = Field(
-        2.0, gt=0, le=_MOST_GB, description="largest scene that the API takes"
-    )
-    threads: int | None = Field(
-        None,
-        gt=0,
-        le=65_536,
-        description="threads of a render child; unset, all cores of the machine",
-    )
-    pool: PlaceName = Field(
-        DEFAULT_POOL, description="a worker renders the jobs of this pool alone"
-    )
-    tags: Annotated[Tags, NoDecode] = Field(
-        (), description="what jobs may require of a worker, separated by commas, as gpu,highmem"
-    )
-    scene_roots: Annotated[tuple[SceneRoot, ...], NoDecode] = Field(
-        (),
-        description="scene roots, for the API and the workers, separated by commas: NAME=PATH, and "
-        "|PATH for each path by which other platforms know it",
-    )
-    keep_results_days: float | None = Field(
-        None,
-        ge=0,
-        le=_MOST_DAYS,
-        allow_inf_nan=False,
-        description="days after which finished jobs are removed; unset, they stay",
-    )
-    keep_deleted_days: float = Field(
-        7.0,
-        ge=0,
-        le=_MOST_DAYS,
-        allow_inf_nan=False,
-        description="days for which a deleted job can be restored, before a sweep removes it",
-    )
-    keep_sums_days: float = Field(
-        3.0,
-        ge=0,
-        le=_MOST_DAYS,
-        allow_inf_nan=False,
-        description="days for which the samples of an ended job without kept slices stay; "
-        "0 keeps no sums",
-    )
-    keep_scenes_days: float | None = Field(
-        None,
-        ge=0,
-        le=_MOST_DAYS,
-        allow_inf_nan=False,
-        description="days without use after which scenes of no job are removed; unset, they stay",
-    )
-    plugins: Annotated[tuple[str, ...], NoDecode] = Field(
-        (),
-        description="types of plugin, separated by commas, that workers have beside Mitsuba's own: "
-        "the API refuses scenes that ask for others",
-    )
-    webhook_allow: Annotated[tuple[str, ...], NoDecode] = Field(
-        (),
-        description="networks and host names, separated by commas, that may be sent webhooks "
-        "though they are private, by http too",
-    )
-    notify_file: _File = Field(
-        None,
-        repr=False,
-        description="a file with the targets of notifications, for the API and the monitors: "
-        "lines of a name, a blank and a URL of apprise",
-    )
-    notify: Annotated[Tags, NoDecode] = Field(
-        (), description="those of them, separated by commas, that are notified of every job"
-    )
-    notify_troubles: Annotated[Tags, NoDecode] = Field(
-        (),
-        description="those of them that are notified of the farm's troubles, for the monitors: a "
-        "job that no worker can render, a worker that fails, a full store, a used up budget",
-    )
-    trouble_after_s: float = Field(
-        120.0, ge=0, le=_DAY_S, description="for so long a trouble lasts before it is told"
-    )
-    commands_file: _File = Field(
-        None,
-        repr=False,
-        description="a file with the commands that jobs may start at their ends, for the API and "
-        "the monitors: lines of a name, a blank and a command",
-    )
-    command_limit_s: float = Field(
-        3600.0, gt=0, le=7 * _DAY_S, description="after this time a monitor ends such a command"
-    )
-    alive_file: Path | None = Field(
-        None,
-        description="a file that a worker or a monitor touches at each heartbeat, for probes; it "
-        "says why a worker takes no work",
-    )
-    label: str | None = Field(
-        None,
-        max_length=200,
-        description="what a worker was started as elsewhere, as slurm:1234_5, shown with it",
-    )
-    leave_after_s: float | None = Field(
-        None,
-        gt=0,
-        le=366 * _DAY_S,
-        description="a worker that had nothing to do for so long ends; unset, it stays",
-    )
-    when_refused: Literal["exit", "wait"] = Field(
-        "exit",
-        description="what a process does that cannot work with the farm's data or the farm's other "
-        "processes: exit with code 76, or wait until it can",
-    )
-    core_hour_price: float | None = Field(
-        None,
-        ge=0,
-        le=1e9,
-        allow_inf_nan=False,
-        description="price of an hour of one core, for the API; unset, it shows no money",
-    )
-    currency: str = Field(
-        "",
-        max_length=12,
-        pattern=r"^[^\x00-\x1f\x7f]*$",
-        description="what that price is counted in, such as EUR",
-    )
-    log_format: LogFormat = Field(
-        "text", description="how processes log: text, or json, an object for each line"
-    )
+    pass_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
+    load_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
+    child_memory_gb: float | None = Field(None, gt=0, le=_MOST_GB)
+    workers_here: int = Field(1, gt=0, le=4096)
+    max_upload_gb: float = Field(2.0, gt=0, le=_MOST_GB)
+    threads: int | None = Field(None, gt=0, le=65_536)
+    pool: PlaceName = DEFAULT_POOL
+    tags: Annotated[Tags, NoDecode] = ()
+    scene_roots: Annotated[tuple[SceneRoot, ...], NoDecode] = ()
+    keep_results_days: float | None = Field(None, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
+    keep_deleted_days: float = Field(7.0, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
+    keep_sums_days: float = Field(3.0, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
+    keep_scenes_days: float | None = Field(None, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
+    plugins: Annotated[tuple[str, ...], NoDecode] = ()
+    webhook_allow: Annotated[tuple[str, ...], NoDecode] = ()
+    notify_file: _File = Field(None, repr=False)
+    notify: Annotated[Tags, NoDecode] = ()
+    notify_troubles: Annotated[Tags, NoDecode] = ()
+    trouble_after_s: float = Field(120.0, ge=0, le=_DAY_S)
+    commands_file: _File = Field(None, repr=False)
+    command_limit_s: float = Field(3600.0, gt=0, le=7 * _DAY_S)
+    alive_file: Path | None = None
+    label: str | None = Field(None, max_length=200)
+    leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
+    core_hour_price: float | None = Field(None, ge=0, le=1e9, allow_inf_nan=False)
+    currency: str = Field("", max_length=12, pattern=r"^[^\x00-\x1f\x7f]*$")
+    log_format: LogFormat = "text"
 
     @field_validator("heartbeat_s")
     @classmethod

@@ -75,7 +75,6 @@ _QUEUE: Final = (
     keys.HEARD,
     keys.GRACE,
     keys.TOTALS,
-    keys.REFUSED,
     f"{PREFIX}told:*",
     # A job that fails leaves its key's open jobs, and its webhook gets a message.
     f"{PREFIX}key:{_ID}:open",
@@ -83,7 +82,7 @@ _QUEUE: Final = (
     keys.webhooks_due("*"),
 )
 _READ_BY_WORKERS: Final = (
-    *(keys.SCHEMA, keys.STORE, keys.PROTOCOL),
+    *(keys.SCHEMA, keys.STORE),
     keys.job(_ID, "rounds"),
 )
 
@@ -107,8 +106,6 @@ _MONITOR: Final = (
     keys.TROUBLES,
     keys.MONITORS,
     keys.monitor("*"),
-    keys.APIS,
-    keys.api("*"),
     keys.jobs_of_key(_ID),
     keys.WEBHOOK_SECRET,
     keys.OLD_WEBHOOK_SECRET,

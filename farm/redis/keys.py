@@ -4,8 +4,6 @@
 key                       type    what                                                 lifetime
 ========================= ======= ==================================================== =========
 plateau:schema            string  version of this layout, see `ledger.schema`           for ever
-plateau:protocol          hash    versions that all living monitors and APIs speak     for ever
-plateau:refused           hash    machine and role → JSON of the last refused process   1 h
 plateau:store             hash    id that the blob store has, too; `ledger.pairing`     for ever
 plateau:created           string  counter: jobs created so far                         for ever
 plateau:jobs              zset    job id, scored by its number of creation             the job's
@@ -52,8 +50,6 @@ plateau:worker:ID         hash    its description; ``drained`` where it is, ``bl
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
-plateau:apis              zset    API id, scored by when its heartbeat is overdue      1 h
-plateau:api:ID            hash    the API's description                                1 d
 plateau:totals            hash    counters of the whole farm; see `ledger.totals`      for ever
 plateau:heard             string  time of the last heartbeat of any worker (ms)        for ever
 plateau:told:BLOB         string  set when a worker was told that its partial is unused  1 h
@@ -142,9 +138,6 @@ SCENES_USED: Final = PREFIX + "scenes:used"
 SWEPT: Final = PREFIX + "swept"
 WORKERS: Final = PREFIX + "workers"
 MONITORS: Final = PREFIX + "monitors"
-APIS: Final = PREFIX + "apis"
-PROTOCOL: Final = PREFIX + "protocol"
-REFUSED: Final = PREFIX + "refused"
 TOTALS: Final = PREFIX + "totals"
 HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
@@ -208,11 +201,6 @@ def monitor(monitor_id: str) -> str:
     return f"{PREFIX}monitor:{monitor_id}"
 
 
-def api(api_id: str) -> str:
-    """The key of an API's description."""
-    return f"{PREFIX}api:{api_id}"
-
-
 def wake_worker(worker_id: str) -> str:
     """The channel that wakes one idle worker."""
     return f"{WAKE_WORKERS}:{worker_id}"
@@ -241,9 +229,8 @@ local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
-local MONITORS, APIS, TOTALS = '{MONITORS}', '{APIS}', '{TOTALS}'
-local SCHEMA, PROTOCOL, REFUSED = '{SCHEMA}', '{PROTOCOL}', '{REFUSED}'
-local STORE, SWEPT = '{STORE}', '{SWEPT}'
+local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
+local SCHEMA, STORE, SWEPT = '{SCHEMA}', '{STORE}', '{SWEPT}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
@@ -262,6 +249,5 @@ local function told_key(blob) return PREFIX .. 'told:' .. blob end
 local function worker_key(id) return PREFIX .. 'worker:' .. id end
 local function api_key_key(id, part) return PREFIX .. 'key:' .. id .. ':' .. part end
 local function monitor_key(id) return PREFIX .. 'monitor:' .. id end
-local function api_member_key(id) return PREFIX .. 'api:' .. id end
 local function scene_going_key(sha256) return PREFIX .. 'scene:' .. sha256 .. ':going' end
 """

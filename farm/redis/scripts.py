@@ -21,7 +21,7 @@ from typing import Any, Final
 import redis
 
 from plateau.farm.model import versions
-from plateau.farm.model.errors import NotPermitted, Refused, StoreUnavailable, WrongLayout
+from plateau.farm.model.errors import Incompatible, NotPermitted, StoreUnavailable
 from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
@@ -36,7 +36,6 @@ _NAMESPACES: Final = {
     "Outbox": "outbox",
     "Job": "jobs",
     "Slice": "slices",
-    "Member": "members",
     "New": "new_jobs",
     "After": "after",
     "Turn": "turns",
@@ -50,8 +49,6 @@ _FOR_FARM: Final = (
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
-#: The answer to a process that does not speak the farm's versions; see members.lua.
-_REFUSED: Final = re.compile(r"\bREFUSED (\d+) (\d+) (\S+)")
 
 
 def _moves_in_lua() -> str:
@@ -72,7 +69,7 @@ def library() -> str:
     """The functions that commands share."""
     return "".join(
         (
-            versions.in_lua(),
+            f"local LAYOUT = '{versions.LAYOUT}'\n",
             keys.LUA,
             _moves_in_lua(),
             (_LUA / "base.lua").read_text(),
@@ -117,7 +114,7 @@ def commands(whose: str = "workers|farm", more: str = "") -> set[str]:
 
 @contextmanager
 def _answers_as_farm_errors() -> Iterator[None]:
-    """Raise `WrongLayout` or `Refused` where the script answers so.
+    """Raise `Incompatible` where the script answers so.
 
     And `StoreUnavailable` where Redis has just forgotten the script.
     """
@@ -127,9 +124,7 @@ def _answers_as_farm_errors() -> Iterator[None]:
         raise StoreUnavailable(f"Redis has just forgotten its scripts: {error}") from None
     except redis.exceptions.ResponseError as error:
         if wrong := _WRONG_LAYOUT.search(str(error)):
-            raise WrongLayout(wrong[1]) from None
-        if refused := _REFUSED.search(str(error)):
-            raise Refused(int(refused[1]), int(refused[2]), refused[3]) from None
+            raise Incompatible(wrong[1]) from None
         raise
 
 
@@ -149,10 +144,8 @@ class Scripts:
         StoreUnavailable
             Redis cannot be reached; the command may have been done, and every command may be
             repeated. Or Redis lacks the script, and this user may not load it.
-        WrongLayout
-            The data has another layout by now than this Plateau's: nothing was done.
-        Refused
-            By some commands: the farm and this process share no version of the protocol.
+        Incompatible
+            The data has another layout than this Plateau's: nothing was done.
         """
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             try:

@@ -57,7 +57,7 @@ def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:
     kept: set[str] = set()
     try:
         keeps_slices = stored_spec(spec).keep_slices
-    except ValueError:  # only a newer Plateau can read it
+    except ValueError:  # such as of a rule that is not installed here
         return lambda _: True
     if keeps_slices:
         ledger = records.ledger(client.hgetall(keys.job(job_id, "ledger")))

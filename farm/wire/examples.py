@@ -155,16 +155,6 @@ WORKER: Final[dict[str, Any]] = {
     "seen_at": _AT,
 }
 
-REFUSED: Final[dict[str, Any]] = {
-    "role": "worker",
-    "host": "old-node",
-    "pid": 771,
-    "plateau": "0.1.0",
-    "why": "the farm's monitors and APIs speak protocols 3 to 4 (Plateau 0.4.0), and this process "
-    "speaks protocols 1 to 2 (Plateau 0.1.0). It is too old: install Plateau 0.4.0 here",
-    "at": _AT,
-}
-
 SCENE: Final[dict[str, Any]] = {
     "sha256": SCENE_SHA256,
     "name": "sphere.xml",

@@ -8,7 +8,7 @@ from pydantic.config import JsonDict
 from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.spec import Priority
 from plateau.farm.model.starts import Start
-from plateau.farm.model.worker import RefusedProcess, Worker
+from plateau.farm.model.worker import Worker
 from plateau.farm.wire import examples
 from plateau.farm.wire.costs import Cost, Price, cost_of
 from plateau.farm.wire.json_numbers import WithWholeNumbers
@@ -152,16 +152,9 @@ class WorkerView(Worker):
 class Workers(BaseModel):
     """The workers that live."""
 
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"workers": [examples.WORKER], "refused": [examples.REFUSED]})
-    )
+    model_config = ConfigDict(json_schema_extra=_shows({"workers": [examples.WORKER]}))
 
     workers: list[WorkerView]
-    refused: list[RefusedProcess] = Field(
-        [],
-        description="processes whose version does not fit the farm's: of each machine and role the "
-        "last one, for an hour, unless one was let in there since",
-    )
 
 
 class DemandView(BaseModel):

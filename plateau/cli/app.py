@@ -109,13 +109,13 @@ class Command(typer.core.TyperCommand):
         except typer.Exit:  # an exit code, not an error
             raise
         except Exception as error:
-            from plateau.errors import EXPECTED, tell
+            from plateau.errors import EXPECTED, OtherVersion, tell
             from plateau.farm.model.errors import Incompatible
 
             if not isinstance(error, EXPECTED):
                 raise
             tell(_in_words(error))
-            misfit = isinstance(error, Incompatible)
+            misfit = isinstance(error, Incompatible | OtherVersion)
             raise typer.Exit(ExitCode.INCOMPATIBLE if misfit else ExitCode.FAILED) from None
         return result
 

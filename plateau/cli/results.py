@@ -66,7 +66,6 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
     and slice, rate over the last slice, slices done, load of the machine, its memory in use, disk
     that is left for the cache, temperature of its processor in °C, what the worker's slices have
     cost since its start, its share of what its jobs saved, time since its start, version, trouble.
-    Workers that were refused for their version are listed on standard error.
     """
     from plateau.commands.farm import workers as run
 

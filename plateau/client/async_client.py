@@ -141,7 +141,6 @@ class AsyncClient:
     pause = _awaited(Client.pause)
     pause_batch = _awaited(Client.pause_batch)
     redeliver = _awaited(Client.redeliver)
-    refused = _awaited(Client.refused)
     restore = _awaited(Client.restore)
     restore_batch = _awaited(Client.restore_batch)
     resume = _awaited(Client.resume)

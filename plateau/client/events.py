@@ -43,7 +43,7 @@ class PointEvent(Event):
     @property
     def point(self) -> CurvePoint:
         """The new point."""
-        return CurvePoint.model_validate({"at": self.at, **self.data}, extra="ignore")
+        return CurvePoint.model_validate({"at": self.at, **self.data})
 
 
 class _OfASlice(Event):

@@ -6,7 +6,6 @@ from urllib.parse import quote
 from plateau.client.transport import Calls
 from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.usage import Grouping
-from plateau.farm.model.worker import RefusedProcess
 from plateau.farm.wire.usage_views import Usage
 from plateau.farm.wire.views import AtTheEnd, Scenes, SceneView, Workers, WorkerView
 from plateau.farm.wire.webhook_views import Deliveries
@@ -51,10 +50,6 @@ class FarmCalls(Calls):
         path = f"/v1/workers/{quote(worker_id, safe='')}/{action}"
         workers = self._transport.ask(Workers, "POST", path).workers
         return next(worker for worker in workers if worker.id == worker_id)
-
-    def refused(self) -> list[RefusedProcess]:
-        """The last process of each machine that was refused for its version."""
-        return self._transport.read(Workers, "/v1/workers").refused
 
     def usage(
         self,

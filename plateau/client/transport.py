@@ -125,7 +125,7 @@ class Transport:
         """
         answer = self.send(method, path, **arguments)
         try:
-            return kind.model_validate_json(answer.content, extra="ignore")
+            return kind.model_validate_json(answer.content)
         except ValidationError as error:
             raise NotPlateau(self.url, f"its {kind.__name__} cannot be read") from error
 

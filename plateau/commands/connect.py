@@ -3,7 +3,7 @@
 from typing import Final
 
 from plateau.client import Client
-from plateau.errors import tell
+from plateau.errors import OtherVersion
 from plateau.farm.model import versions
 from plateau.processes.read_settings import api_key, read_settings
 
@@ -14,8 +14,8 @@ _ONCE_HEARD_S: Final = 60.0
 def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) -> Client:
     """A client of the service at the URL, or of the settings' URL, with the settings' API key.
 
-    It waits for a service only after that has answered once. Unless `quiet`, it warns on standard
-    error if the service has another version.
+    It waits for a service only after that has answered once. Unless `quiet`, its first call raises
+    `OtherVersion` if the service has another version.
 
     Raises `BadSetting`, `BadUrl` or `BadKey` if a setting, the URL or the key is not allowed.
     """
@@ -23,10 +23,10 @@ def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) ->
     where = url or settings.url
 
     def compare(version: str) -> None:
-        if not quiet and _series(version) != _series(versions.plateau()):
-            tell(
-                f"this is Plateau {versions.plateau()}, and the service at {where} is {version}: "
-                "calls that only one of them knows fail; install the same version"
+        if not quiet and version != versions.plateau():
+            raise OtherVersion(
+                f"this is Plateau {versions.plateau()}, and the service at {where} is Plateau "
+                f"{version}: install the same version here"
             )
 
     return Client(
@@ -37,8 +37,3 @@ def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) ->
         once_heard_s=0.0 if quiet else _ONCE_HEARD_S,
         on_version=compare,
     )
-
-
-def _series(version: str) -> list[str]:
-    """Major and minor version; versions of one series have the same calls."""
-    return version.split(".")[:2]

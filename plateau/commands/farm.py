@@ -4,7 +4,6 @@ import json
 from datetime import datetime
 
 from plateau.commands.connect import connect
-from plateau.errors import tell
 from plateau.farm.model.job import utc_now
 from plateau.farm.wire.figures import duration, percent
 from plateau.farm.wire.job_text import amount, share_of, size
@@ -48,9 +47,9 @@ _SPARE = (
 
 
 def workers(*, url: str | None, as_json: bool) -> None:
-    """Print the living workers, and on standard error the refused processes."""
+    """Print the living workers."""
     with connect(url) as client:
-        found, refused = client.workers(), client.refused()
+        found = client.workers()
     if as_json:
         print(json.dumps([worker.model_dump(mode="json") for worker in found], indent=2))
     else:
@@ -62,8 +61,6 @@ def workers(*, url: str | None, as_json: bool) -> None:
             "starts N",
             spare=_SPARE,
         )
-    for one in refused:
-        tell(f"the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}")
 
 
 def drain(worker_id: str, *, undo: bool, url: str | None, as_json: bool) -> None:

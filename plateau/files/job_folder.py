@@ -6,7 +6,6 @@ Files with other names are never touched.
 """
 
 import fcntl
-import json
 import os
 import re
 import secrets
@@ -81,7 +80,6 @@ def begin(folder: Path, job_id: str, keeps: Callable[[Path], bool]) -> None:
     """
     before = owner(folder)
     if before is not None:
-        _claim(folder, before)  # an old folder may have its id only in the summary
         for path in _ours(folder):
             if path.parent == folder or not (_SLICE.fullmatch(path.name) and keeps(path)):
                 path.unlink()
@@ -94,9 +92,6 @@ def owner(folder: Path) -> str | None:
     """The id of the job whose files the folder has; None if there is none."""
     with suppress(OSError, ValueError):
         return (folder / _OWNER).read_text().strip()
-    with suppress(OSError, ValueError, KeyError, TypeError):  # earlier versions wrote only this
-        about = json.loads((folder / "summary.json").read_text())
-        return str(about["id"]) if "scene_sha256" in about else None
     return None
 
 

@@ -76,9 +76,8 @@ def when_checked(run: Work) -> Work:
     """The work, after Redis answers, its layout fits this version, and the blobs belong to it."""
 
     def run_when_checked(settings: Settings, stop: Stop) -> None:
-        patient = settings.when_refused == "wait"
         with connect(settings.redis_url or "") as client:
-            await_checks(client, Blobs(settings.blobs or ""), stop, patient=patient)
+            await_checks(client, Blobs(settings.blobs or ""), stop)
         if not stop.is_set():
             run(settings, stop)
 

@@ -67,7 +67,7 @@ class Tree:
     ------
     LibraryMissing
         On entering: the workers lack a library for rendering.
-    SchemaMismatch
+    Incompatible
         On entering: the data folder has another layout.
     TreeFailed
         By `check`; by `await_api` if the API does not start.
@@ -188,11 +188,11 @@ class Tree:
         if self._redis is None:
             return
         self._redis.await_ready()
-        from plateau.farm.ledger.schema import await_schema
+        from plateau.farm.ledger.schema import check_schema
         from plateau.farm.redis.link import connect
 
-        with connect(self.redis_url) as client:  # processes of a killed tree must have ended
-            await_schema(client, self.interrupts.asked)
+        with connect(self.redis_url) as client:
+            check_schema(client)
 
     def _start_members(self) -> None:
         api = self._member("api", ("api", *self.door.options()))

@@ -135,7 +135,7 @@ def unpacked_sums(
         if name.startswith("rule:")
     }
     merge = Merge.of(spec)
-    merge.restore(slices, arrays, about.get("film", {}))
+    merge.restore(slices, arrays, about["film"])
     return merge, (about["rules"], images)
 
 

@@ -53,11 +53,6 @@ def identity(job: Job, spp: int) -> Facts:
     return {"job": job.id, "spp": spp, "scene": job.name, "scene_sha256": job.scene_sha256}
 
 
-def old_facts(job_id: str, spp: int) -> Facts:
-    """Return the facts of images in sets that have no file of facts."""
-    return {"job": job_id, "spp": spp}
-
-
 def encode_facts(facts: Facts) -> bytes:
     """Return the facts as a file."""
     return json.dumps(facts).encode()
@@ -72,14 +67,10 @@ def decode_facts(content: bytes) -> Facts:
 def exr_header(facts: Facts) -> dict[str, Any]:
     """Return the attributes of an EXR file."""
     attributes = {f"plateau:{name}": value for name, value in facts.items()}
-    return attributes | {"chromaticities": _CHROMATICITIES} if _is_new(facts) else attributes
+    return {**attributes, "chromaticities": _CHROMATICITIES}
 
 
 def png_texts(facts: Facts) -> dict[str, str]:
     """Return the text chunks of a PNG file: only what never changes, as previews are remade."""
-    named = ("job", "spp", "scene", "scene_sha256") if _is_new(facts) else ()
+    named = ("job", "spp", "scene", "scene_sha256")
     return {f"plateau:{name}": str(facts[name]) for name in named if facts.get(name)}
-
-
-def _is_new(facts: Facts) -> bool:
-    return "scene_sha256" in facts

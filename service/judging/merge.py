@@ -140,21 +140,19 @@ class Merge:
 
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
-        is_known = bool(self.origin) or not self.slices
         if not self.slices:
             self.look, self.mattes = partial.look, partial.mattes
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
             self._add_zones(partial, self.zone_size)
-        if is_known:
-            names = filter(None, (*self.kinds, partial.renderer))
-            self.origin = {
-                "first_seed": self.origin.get("first_seed", str(partial.first_seed)),
-                "last_seed": str(partial.last_seed),
-                "variant": partial.variant,
-                "renderer": _BETWEEN.join(dict.fromkeys(names)),  # each kind once
-            }
+        names = filter(None, (*self.kinds, partial.renderer))
+        self.origin = {
+            "first_seed": self.origin.get("first_seed", str(partial.first_seed)),
+            "last_seed": str(partial.last_seed),
+            "variant": partial.variant,
+            "renderer": _BETWEEN.join(dict.fromkeys(names)),  # each kind once
+        }
 
     def _add_zones(self, partial: Partial, size: int) -> None:
         """Add the next slice of a job that is allocated by zones."""
@@ -299,11 +297,9 @@ class Merge:
     def restore(
         self, slices: int, arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]
     ) -> None:
-        """Take over the sums of a checkpoint; an older one does not name R, G, B and W."""
-        if "channels" in about:
-            self.channels = Channels(about["channels"], about["ids"])
-            self.origin = about["origin"]
-            self.mattes = about.get("mattes", {})
+        """Take over the sums of a checkpoint."""
+        self.channels = Channels(about["channels"], about["ids"])
+        self.origin, self.mattes = about["origin"], about["mattes"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")

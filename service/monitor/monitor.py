@@ -14,7 +14,6 @@ from typing import Final
 from plateau.farm.blobs.read_ahead import ReadAhead
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.members import process_id, sign_on
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork
@@ -28,7 +27,7 @@ from plateau.farm.model.errors import (
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
-from plateau.farm.process.lifecycle import show_life
+from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
@@ -71,7 +70,6 @@ class Monitor:
         self._work = MonitorWork(renewing, self.id, settings.lease_s)
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
-        self._is_patient = settings.when_refused == "wait"
         self._stop = Stop()
         self._alive_file = settings.alive_file
         self._keeps_sums = settings.keep_sums_days > 0
@@ -91,7 +89,7 @@ class Monitor:
     def run(self, stop: Stop) -> None:
         """Run jobs until `stop` is set; then leave them to the next monitor.
 
-        Raises `Refused` if its protocol or layout is not the farm's and it is not set to wait.
+        Raises `Incompatible` if the data has another layout.
         """
         self._stop = stop
         self._sign_on()
@@ -125,17 +123,11 @@ class Monitor:
             self._disown()
 
     def _sign_on(self) -> None:
-        """Register the monitor, as soon as Redis answers and the farm accepts it."""
+        """Register the monitor, as soon as Redis answers."""
         backoff = Backoff(*RETRY_S)
         while not self._stop.is_set():
             try:
-                sign_on(
-                    self._client,
-                    "monitor",
-                    lambda: self._work.heartbeat(0),
-                    self._stop,
-                    patient=self._is_patient,
-                )
+                self._work.heartbeat(0)
             except StoreUnavailable as error:
                 _LOG.warning("%s", error)
                 self._stop.wait(backoff.delay_s())

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from bench import allocation, selective
-from bench.allocating import bias, fireflies
-from bench.allocating.film import JUDGING, OTHERS, Film
-from bench.allocating.truth import Truth, crossing
+from bench import allocation
+from bench.support.film import JUDGING, OTHERS, Film
+from bench.support.truth import Truth, crossing
 from plateau.metric import View
 from plateau.metric.compiled import CompiledVisibleDifferences
 
@@ -57,33 +56,12 @@ def test_the_truth_falls_and_is_found_again(recording):
 
 def test_zones_end_sooner_than_frames(recording):
     truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
-    found = allocation.measured(recording, truth, SPP, runs=1)
+    found = allocation.measured(truth, runs=1)
     frames, zones = found[allocation.FRAMES], found["zones, 16 px"]
-    assert zones["spp"] < 0.8 * frames["spp"]
-    assert found["oracle, 16 px"]["spp at the target's truth"] < frames["spp"]
-
-
-def test_who_decides_alone_is_biased():
-    alone = bias.bias(0.02, 10.0, 1, 20_000, own=True, seed=1)
-    together = bias.bias(0.02, 10.0, 256, 500, own=True, seed=1)
-    assert alone.relative < -0.01
-    assert abs(together.relative) < 2 * together.doubt
-
-
-def test_the_allocator_loses_no_light_of_fireflies():
-    found = {}
-    fireflies.study(found.__setitem__, renders=4)
-    assert all(abs(one.relative) < 3 * one.doubt < 0.02 for one in found.values())
+    assert zones[allocation.SPP] < 0.8 * frames[allocation.SPP]
+    cells = allocation.cells(found)
+    assert cells[allocation.FRAMES].startswith("1.00, 1.00, ")
 
 
 def test_a_crossing_is_found():
     assert crossing(lambda x: 100 / x, 4) == pytest.approx(25, rel=0.02)
-
-
-def test_a_rule_ends_each_zone_by_itself(recording):
-    spp, still = selective.by_zone(recording, SPP, "myszkowski", 16)
-    assert spp[0, 0] > 2 * spp[40, 40]
-    assert still == 0
-    whole, _ = selective.by_zone(recording, SPP, "myszkowski", None)
-    assert (whole == whole[0, 0]).all()
-    assert whole[0, 0] > spp.mean()

@@ -33,8 +33,9 @@ def test_a_dry_run_measures_every_figure(tmp_path: Path, cache: Path) -> None:
     report = json.loads((tmp_path / "gpu-small.json").read_text())
     # Two sentences about the method; another one would be an error that a case had met
     assert len(report["notes"]) == 2
-    found = {one["name"].removeprefix("BOX, 32×32: "): one["value"] for one in report["figures"]}
-    assert found["equal bits"] == 1
-    assert found["kernel"] > 0
-    assert found["samples of the whole render"] >= 200
+    rows = report["tables"]["gpu"][1:]
+    found = {what: float(value.split()[0]) for case, what, value in rows if case == "BOX, 32×32"}
+    assert found["equal bits, of 1"] == 1
+    assert found["kernel, ratio"] > 0
+    assert found["samples of the whole render, spp"] >= 200
     assert any(name.startswith("whole render to 5.0 JOD") for name in found)

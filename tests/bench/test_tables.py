@@ -1,112 +1,76 @@
-"""Figures in the documents are the benchmarks' own: each table is made again from the results."""
+"""Figures in the documents are the benchmarks' own: each table is that of the results."""
 
 import json
+from pathlib import Path
 
 import pytest
 
-from bench import (
-    allocation,
-    api,
-    attention,
-    backlog,
-    bias,
-    blender,
-    cvvdp,
-    denoised_shots,
-    denoising,
-    denoising_costs,
-    estimate,
-    eye_costs,
-    eyes,
-    farm,
-    jod_stops,
-    latency,
-    lease,
-    memory,
-    paper,
-    savings,
-    scale,
-    selective,
-    shot_stop,
-    shots,
-    startup,
-    stopping,
-    vdp,
-    waste,
-    zones,
-)
-from bench.support import markdown, report
-from tests.soak import report as soak
+from bench import paper, savings
+from bench.support import report, series
 
-
-def figures(name: str) -> dict[str, object]:
-    found: dict[str, object] = json.loads((report.RESULTS / f"{name}.json").read_text())
-    return found
+DOCUMENTS = sorted(path.name for path in report.DOCS.glob("*.md") if report.places(path))
 
 
 @pytest.fixture(scope="module")
-def tables() -> dict[str, str]:
+def texts() -> dict[str, str]:
+    every = series.known()
+    reports = [json.loads(path.read_text()) for path in report.RESULTS.glob("*.json")]
+    tables = {name: table for one in reports for name, table in one["tables"].items()}
+    made = {**paper.tables(every), "savings-summary": savings.summary_table(every)}
+    # What is made of the series is what the reports have
+    assert {name: tables[name] for name in made} == made
     return {
-        "estimate": estimate.table(figures("estimate")),
-        "rules": stopping.table(figures("stopping")),
-        "cvvdp": cvvdp.table(figures("cvvdp")),
-        "vdp": vdp.table(figures("vdp")),
-        **allocation.tables(figures("allocation")),
-        **attention.tables(figures("attention")),
-        **backlog.tables(figures("backlog")),
-        **bias.tables(figures("bias")),
-        **blender.tables(figures("blender")),
-        **api.tables(figures("api")),
-        **denoised_shots.tables(figures("denoised_shots")),
-        **denoising.tables(figures("denoising")),
-        **denoising_costs.tables(figures("denoising_costs")),
-        **eye_costs.tables(figures("eye_costs")),
-        **eyes.tables(figures("eyes")),
-        **jod_stops.tables(figures("jod_stops")),
-        **farm.tables(figures("farm")),
-        **scale.tables(figures("scale")),
-        **soak.tables(figures("soak")),
-        **shot_stop.tables(figures("shot_stop")),
-        **shots.tables(figures("shots")),
-        **selective.tables(figures("selective")),
-        **startup.tables(figures("startup")),
-        **latency.tables(figures("latency")),
-        **lease.tables(figures("lease")),
-        **memory.tables(figures("memory")),
-        **waste.tables(figures("waste")),
-        **zones.tables(figures("zones")),
-        **paper.tables_of(paper.known()),
-        **savings.tables_of(savings.known()),
+        **{name: report.markdown(table) for name, table in tables.items()},
+        "savings-scenes": savings.scene_tables(every),
     }
 
 
-@pytest.mark.parametrize(
-    "document",
-    [
-        "allocation.md",
-        "denoising.md",
-        "soak.md",
-        "eyes.md",
-        "metric.md",
-        "stopping.md",
-        "paper.md",
-        "savings.md",
-        "performance.md",
-        "scale.md",
-    ],
-)
-def test_a_document_shows_what_was_found(document: str, tables: dict[str, str]) -> None:
-    shown = markdown.places(markdown.DOCS / document)
-    assert shown
-    assert shown == {name: tables[name] for name in shown}
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_a_document_shows_what_was_found(document: str, texts: dict[str, str]) -> None:
+    shown = report.places(report.DOCS / document)
+    assert shown == {name: texts[name] for name in shown}
 
 
-def test_a_table_goes_to_its_place_and_to_no_other(tmp_path) -> None:
+def test_a_table_goes_to_its_place_and_to_no_other(tmp_path: Path) -> None:
     document = tmp_path / "a.md"
     document.write_text("one\n<!-- a -->\nold\n<!-- /a -->\ntwo\n<!-- b -->\n<!-- /b -->\n")
-    table = markdown.table(["x"], [["1"]])
-    markdown.fill(document, {"a": table, "c": "nowhere"})
-    assert markdown.places(document) == {"a": table, "b": ""}
+    table = report.markdown([["x"], ["1"]])
+    report.fill(document, {"a": table, "c": "nowhere"})
+    assert report.places(document) == {"a": table, "b": ""}
     before = document.read_text()
-    markdown.fill(document, {"a": table})
+    report.fill(document, {"a": table})
     assert document.read_text() == before
+
+
+def test_rows_are_renewed_in_their_places() -> None:
+    known = [["scene", "spp"], ["A", "1"], ["A", "2"], ["B", "3"]]
+    new = [["scene", "spp"], ["C", "4"], ["A", "5"]]
+    assert report.renewed(known, new) == [["scene", "spp"], ["A", "5"], ["B", "3"], ["C", "4"]]
+    assert report.renewed(None, new) == new
+
+
+def test_a_report_keeps_what_is_not_measured_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "RESULTS", tmp_path)
+    report.write_report("x", {"a": [["", "s"], ["one", "1"]], "b": [[""]]}, settings={})
+    report.write_report("x", {"a": [["", "s"], ["two", "2"]]}, settings={})
+    assert report.last_tables("x") == {"a": [["", "s"], ["one", "1"], ["two", "2"]], "b": [[""]]}
+
+
+#: What docs/metric.md says in words of the compiled metric's cost.
+COSTS = {
+    "importing metric.compiled": ".2g",
+    "compiling the kernels": ".2g",
+    "loading them from the cache": ".2g",
+    "the cache": ".2g",
+    "2160p: peak memory, both images and the interpreter included": ".0f",
+}
+
+
+def test_what_it_takes_to_start_is_what_was_found() -> None:
+    words = " ".join((report.DOCS / "metric.md").read_text().split())
+    found = {name: value.split() for name, value in report.last_tables("vdp")["vdp-costs"][1:]}
+    for cost, form in COSTS.items():
+        value, unit = found[cost]
+        assert f"{float(value):{form}} {unit}" in words

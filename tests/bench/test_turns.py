@@ -2,17 +2,14 @@
 
 import sys
 import time
-from dataclasses import asdict
 from itertools import pairwise
 
 import psutil
 import pytest
 
 from bench import farm
-from bench.support.calls import Case, call_rates, calls_that_fit
-from bench.support.farms.plateau_render import Watch
-from bench.support.report import machine
-from bench.support.turns import Ran, take_turns
+from bench.support.alone import Case, call_rates, calls_that_fit
+from bench.support.processes import Ran, Watch, take_turns
 from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER
 from plateau.worker.supervisor.variants import choose
@@ -88,27 +85,15 @@ def test_the_bare_renderers_calls_are_timed_by_their_size() -> None:
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
     case = _case(32, 24)
     effort = farm.Effort(pairs=1, seconds=0.1, step=50, rounds=1, samples=2**16, turn_s=0.05)
-    settings, figures = farm.measure(case, effort)
-    assert settings["spp"] % 50 == 0
-    assert settings["spp"] >= 200
-    assert str(settings["call_spp"]) in settings["samples_s_by_call_spp"]
-    value = {one.name.removeprefix("box 32×24: "): one.value for one in figures}
-    assert value[farm.WHOLE] > 0
-    assert value[farm.EFFICIENCY] > 0
-    assert value[farm.CPU] > 0
-    assert value[farm.WHOLE_CPU] > 1
-    assert 0 <= value[farm.MONITOR] < 1
-    shown = farm.tables(
-        {
-            "machine": machine(),
-            "settings": {
-                "cases": {case.name: settings},
-                "variant": case.choice.variant,
-                "workers": 1,
-                "threads": 1,
-            },
-            "figures": [asdict(one) for one in figures],
-        }
-    )
-    cells = [cell.strip() for cell in shown["farm"].splitlines()[-1].split("|")]
-    assert cells[1:4] == [f"box 32×24, {settings['spp']} spp", "1", str(settings["call_spp"])]
+    head, row = farm.measure(case, effort)["farm"]
+    found = dict(zip(head, row, strict=True))
+    spp = int(found[""].removeprefix("box 32×24, ").removesuffix(" spp"))
+    assert spp >= 200
+    assert spp % 50 == 0
+    assert found["pairs of runs"] == "1"
+    assert int(found["spp of a bare call"]) > 0
+    value = {name: float(found[name].split()[0]) for name in head[5:]}
+    assert value["efficiency"] > 0
+    assert value["from start to results"] > 0
+    assert value["CPU time of a sample"] > 0
+    assert 0 <= value["the monitor's share"] < 1

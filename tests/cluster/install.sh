@@ -76,8 +76,8 @@ debian_redis() {
 
 # --- the parts, in alphabetical order ---
 
-# The Helm chart and the compose file: what their schemas come with, without building anything; and
-# for the long form helm itself (minutes to build, so without optimisation).
+# The Helm chart and the compose file: what their schemas come with, and helm itself (minutes to build,
+# so without optimisation).
 install_chart() {
   local folder=$PWD/.cluster-tools/schemas python=.venv/bin/python from files file
   local wanted="kubernetes-validate==1.37.0
@@ -98,7 +98,6 @@ github.com/compose-spec/compose-go/v2@v2.16.2 schema/compose-spec.json"
     echo "$wanted" > "$folder/made-from"
   fi
   debian_redis
-  [ "${CLUSTER_TESTS:-long}" = long ] || return 0
   GOFLAGS="${GOFLAGS:-} '-gcflags=all=-N -l'" CGO_ENABLED=0 go_tool helm helm.sh/helm/v3/cmd/helm@v3.19.5
 }
 

@@ -1,13 +1,10 @@
-"""The Helm chart: rendered by helm, or as it was recorded, and held against strict schemas.
+"""The Helm chart, rendered by helm and held against strict schemas.
 
-What helm makes of each file in deploy/kubernetes/examples is recorded in tests/reference/kubernetes
-so that CI need not build helm; `make test-cluster PARTS=chart` holds the records against helm.
-After a change of the chart:
+After a change of values.yaml, this writes their table in the chart's README:
 
     python -m tests.cluster.support_chart
 """
 
-import hashlib
 import json
 import re
 import subprocess
@@ -22,14 +19,11 @@ import yaml
 ROOT = Path(__file__).parents[2]
 CHART = ROOT / "deploy" / "kubernetes"
 EXAMPLES = sorted(path.stem for path in (CHART / "examples").glob("*.yaml"))
-RECORDS = ROOT / "tests" / "reference" / "kubernetes"
+HELM = ROOT / ".cluster-tools" / "bin" / "helm"
 SCHEMAS = ROOT / ".cluster-tools" / "schemas"
 #: The oldest that Chart.yaml admits, and the newest with schemas.
 KUBERNETES = ("v1.27.0", "v1.37.0")
 NAMESPACE = "render"
-
-#: The users of Redis change with every key that the farm takes into use; the chart does not.
-_USERS = re.compile(r"^(  users\.acl: \|\n)(?:    .*\n)+", re.MULTILINE)
 
 #: The same as the safe one, and ten times as fast, where PyYAML was built with it.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -38,59 +32,23 @@ Manifest = dict[str, Any]
 Find = Callable[[str], Path]
 
 
-def helm(binary: Path, *arguments: str, fails: bool = False) -> str:
+def helm(*arguments: str, fails: bool = False) -> str:
     """What helm prints; on standard error where it has to fail."""
+    assert HELM.exists(), "helm is missing: run `make test-cluster PARTS=chart`, which builds it"
     done = subprocess.run(
-        [binary, *arguments], cwd=CHART, capture_output=True, text=True, timeout=120, check=False
+        [HELM, *arguments], cwd=CHART, capture_output=True, text=True, timeout=120, check=False
     )
     assert (done.returncode != 0) == fails, done.stdout + done.stderr
     return done.stderr if fails else done.stdout
 
 
-def rendered(binary: Path, example: str, *more: str) -> str:
-    """What helm makes of the chart, and the example's values; without random secrets."""
-    version = f"--kube-version={KUBERNETES[-1]}"
-    values = f"--values=examples/{example}.yaml"
-    name = f"--namespace={NAMESPACE}"
-    return without_chance(helm(binary, "template", "farm", ".", name, version, values, *more))
-
-
-def without_chance(text: str) -> str:
-    """The same with passwords and keys that are the same each time, and fit as the old ones did."""
-    for user, password in re.findall(r"^  (\w+)-password: (\w{40})$", text, re.MULTILINE):
-        other = _sha256(user)[:40]
-        for old, new in ((password, other), (_sha256(password), _sha256(other))):
-            text = text.replace(old, new)
-    text = re.sub(r"(?<=checksum/users: )\w{64}", "(of deploy/redis/users.acl)", text)
-    text = _USERS.sub(r"\1    (deploy/redis/users.acl)\n", text)
-    for role, shown in re.findall(
-        r"^  (\w+): (plateau_[0-9a-f]{12}_[0-9a-f]{64})$", text, re.MULTILINE
-    ):
-        text = text.replace(shown, f"plateau_{_sha256(role)[:12]}_{_sha256(role)}")
-    return text
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def made_from() -> str:
-    """A digest of all that the records are made from."""
-    digest = hashlib.sha256()
-    for path in sorted(CHART.rglob("*")):
-        if path.is_file() and path.name not in {"README.md", "users.acl"}:
-            digest.update(f"{path.relative_to(CHART)}\n".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def recorded(example: str) -> str:
-    """What helm made of the example."""
-    return (RECORDS / f"{example}.yaml").read_text()
-
-
-def manifests(text: str) -> list[Manifest]:
-    """The objects in what helm printed."""
+@cache
+def rendered(example: str) -> list[Manifest]:
+    """The objects that helm makes of the chart and the example's values."""
+    text = helm(
+        *("template", "farm", ".", f"--namespace={NAMESPACE}"),
+        *(f"--kube-version={KUBERNETES[-1]}", f"--values=examples/{example}.yaml"),
+    )
     return [found for found in yaml.load_all(text, _LOADER) if found]
 
 
@@ -180,13 +138,48 @@ MAPS = re.compile(
 )
 
 
-def record(binary: Path) -> None:
-    """Record what helm makes of each example."""
-    RECORDS.mkdir(parents=True, exist_ok=True)
-    for example in EXAMPLES:
-        (RECORDS / f"{example}.yaml").write_text(rendered(binary, example))
-    (RECORDS / "made-from").write_text(f"{made_from()}\n")
+def leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Each value by its full name."""
+    for key, value in values.items():
+        if isinstance(value, dict) and not MAPS.fullmatch(f"{above}{key}"):
+            yield from leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def values_table() -> str:
+    """The chart's values, their defaults and what values.yaml says of them, as Markdown."""
+    text = (CHART / "values.yaml").read_text()
+    said = dict(_comments(text))
+    rows = [
+        f"| `{name}` | `{json.dumps(value, ensure_ascii=False)}` | {said[name]} |"
+        for name, value in leaves(yaml.safe_load(text))
+    ]
+    return "\n".join(["| value | default | what |", "|---|---|---|", *rows])
+
+
+def _comments(text: str) -> Iterator[tuple[str, str]]:
+    """What stands above each key, by the key's full name."""
+    name: list[str] = []
+    comment: list[str] = []
+    for line in text.splitlines():
+        if match := re.match(r" *# (-- )?(.*)", line):
+            comment = [match[2]] if match[1] else [*comment, match[2]] if comment else []
+        elif match := re.match(r"( *)(\w+):", line):
+            name = [*name[: len(match[1]) // 2], match[2]]
+            if comment:
+                yield ".".join(name), " ".join(comment)
+            comment = []
+
+
+def with_table(readme: str) -> str:
+    """The chart's README with the table of its values as it has to be."""
+    start, end = "<!-- values -->", "<!-- /values -->"
+    head, was, tail = (readme.partition(start)[0], *readme.partition(end)[1:])
+    assert was, f"the README has no {end}"
+    return f"{head}{start}\n\n{values_table()}\n\n{end}{tail}"
 
 
 if __name__ == "__main__":
-    record(ROOT / ".cluster-tools" / "bin" / "helm")
+    readme = CHART / "README.md"
+    readme.write_text(with_table(readme.read_text()))

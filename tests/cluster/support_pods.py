@@ -5,7 +5,6 @@ volumes and local addresses for services. A process has the pod's user and no ca
 gain any, and finds a file system that is read-only but for its volumes.
 """
 
-import hashlib
 import math
 import os
 import re
@@ -204,9 +203,6 @@ class Node:
             one["metadata"]["name"]: dict(one["stringData"])
             for one in chart.of_kind(found, "Secret")
         }
-        for secret in self.secrets.values():
-            if "users.acl" in secret:
-                secret["users.acl"] = users_acl(secret)
         self.addresses = {
             service["metadata"]["name"]: f"127.0.0.1:{free_port()}"
             for service in chart.of_kind(found, "Service")
@@ -266,17 +262,6 @@ def _owned(folder: Path, user: int) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     os.chown(folder, user, user)
     return folder
-
-
-def users_acl(secret: dict[str, str]) -> str:
-    """The users of Redis as the chart's template makes them of deploy/redis/users.acl."""
-    lines = ["user default reset off ~* &* +@all", "user probe reset on nopass -@all +ping"]
-    for line in (ROOT / "deploy" / "redis" / "users.acl").read_text().splitlines():
-        for user in ("admin", "api", "monitor", "worker"):
-            if line.startswith(f"user plateau-{user} "):
-                password = secret[f"{user}-password"]
-                lines.append(f"{line} #{hashlib.sha256(password.encode()).hexdigest()}")
-    return "\n".join(lines) + "\n"
 
 
 def needs_root() -> None:

@@ -57,7 +57,9 @@ class UpgradedFarm(FaultyFarm):
 
     def works(self, member: Member) -> bool:
         """Whether the member has joined the farm."""
-        members = {"api": keys.APIS, "monitor": keys.MONITORS, "worker": keys.WORKERS}
+        if member.role == "api":  # it has said that it is ready
+            return True
+        members = {"monitor": keys.MONITORS, "worker": keys.WORKERS}
         names = self.redis_client.zrange(members[member.role], 0, -1)
         return any(f"-{member.process.pid}-" in name for name in names)
 

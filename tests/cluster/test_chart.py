@@ -2,73 +2,44 @@
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
 from tests.cluster import support_chart as chart
-from tests.cluster.support_chart import EXAMPLES, KUBERNETES, Find, Manifest
-
-EVERY = pytest.mark.parametrize("example", EXAMPLES)
+from tests.cluster.support_chart import EXAMPLES, KUBERNETES, Manifest
 
 
 @pytest.fixture(params=EXAMPLES)
 def found(request: pytest.FixtureRequest) -> list[Manifest]:
     """The objects of an example."""
-    return chart.manifests(chart.recorded(request.param))
+    return chart.rendered(request.param)
 
 
-class TestTheRecords:
-    def test_are_of_this_chart(self) -> None:
-        made_from = (chart.RECORDS / "made-from").read_text().strip()
-        assert made_from == chart.made_from(), (
-            "the chart was changed: `make test-cluster PARTS=chart` builds helm, and "
-            "`python -m tests.cluster.support_chart` records anew"
-        )
-        assert sorted(path.stem for path in chart.RECORDS.glob("*.yaml")) == EXAMPLES
-
-    @EVERY
-    def test_are_what_helm_renders(self, example: str, form: str, tool: Find) -> None:
-        if form == "long":
-            assert chart.rendered(tool("helm"), example) == chart.recorded(example)
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_helm_finds_nothing_to_complain_of(example: str) -> None:
+    said = chart.helm("lint", ".", "--strict", "--quiet", f"--values=examples/{example}.yaml")
+    assert "ERROR" not in said
+    assert "WARNING" not in said
 
 
-class TestHelm:
-    """In the long form: building helm takes minutes."""
-
-    @pytest.fixture
-    def helm(self, form: str, tool: Find) -> Path | None:
-        return tool("helm") if form == "long" else None
-
-    @EVERY
-    def test_finds_nothing_to_complain_of(self, example: str, helm: Path | None) -> None:
-        if helm is not None:
-            values = f"--values=examples/{example}.yaml"
-            said = chart.helm(helm, "lint", ".", "--strict", "--quiet", values)
-            assert "ERROR" not in said
-            assert "WARNING" not in said
-
-    @pytest.mark.parametrize(
-        ("given", "words"),
-        [
-            ("keda.enabeld=false", "additional properties 'enabeld' not allowed"),
-            ("workers.cpu.variants={vulkan}", "value must be one of 'cuda_ad_mono'"),
-            ("workers.Big_One.max=3", "'Big_One' does not match pattern"),
-            ("settings.PLATEAU_BLOBS=/tmp", "'not' failed"),
-            ("redis.enabled=false", "redis.existingSecret: name the Secret with the URL"),
-            ("blobs.s3.url=s3://b/p", "blobs.s3.existingSecret: name the Secret with"),
-            ("api.ingress.enabled=true", "api.ingress.host: say under which name"),
-            ("workerDefaults.resources.limits.cpu=null", "missing property 'cpu'"),
-        ],
-    )
-    def test_refuses_values_that_make_no_farm(
-        self, given: str, words: str, helm: Path | None
-    ) -> None:
-        if helm is not None:
-            version = f"--kube-version={KUBERNETES[-1]}"
-            assert words in chart.helm(helm, "template", ".", version, "--set", given, fails=True)
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("keda.enabeld=false", "additional properties 'enabeld' not allowed"),
+        ("workers.cpu.variants={vulkan}", "value must be one of 'cuda_ad_mono'"),
+        ("workers.Big_One.max=3", "'Big_One' does not match pattern"),
+        ("settings.PLATEAU_BLOBS=/tmp", "'not' failed"),
+        ("redis.enabled=false", "redis.existingSecret: name the Secret with the URL"),
+        ("blobs.s3.url=s3://b/p", "blobs.s3.existingSecret: name the Secret with"),
+        ("api.ingress.enabled=true", "api.ingress.host: say under which name"),
+        ("workerDefaults.resources.limits.cpu=null", "missing property 'cpu'"),
+    ],
+)
+def test_helm_refuses_values_that_make_no_farm(given: str, words: str) -> None:
+    version = f"--kube-version={KUBERNETES[-1]}"
+    assert words in chart.helm("template", ".", version, "--set", given, fails=True)
 
 
 class TestStrictSchemas:
@@ -94,7 +65,7 @@ class TestStrictSchemas:
         ],
     )
     def test_find_a_planted_error(self, kind: str, path: str, value: object, words: str) -> None:
-        manifest = copy.deepcopy(chart.of_kind(chart.manifests(chart.recorded("full")), kind)[0])
+        manifest = copy.deepcopy(chart.of_kind(chart.rendered("full"), kind)[0])
         *way, last = path.split("/")
         inner: Any = manifest
         for step in way:
@@ -104,9 +75,7 @@ class TestStrictSchemas:
         assert words in error
 
     def test_find_what_is_missing(self) -> None:
-        manifest = copy.deepcopy(
-            chart.of_kind(chart.manifests(chart.recorded("full")), "ScaledObject")[0]
-        )
+        manifest = copy.deepcopy(chart.of_kind(chart.rendered("full"), "ScaledObject")[0])
         del manifest["spec"]["scaleTargetRef"]
         [error] = chart.errors(manifest, KUBERNETES[-1])
         assert '"scaleTargetRef" is a required property' in error
@@ -114,7 +83,7 @@ class TestStrictSchemas:
 
 def test_a_trigger_says_what_its_scaler_of_keda_knows() -> None:
     scalers = json.loads((chart.SCHEMAS / "scalers-schema.json").read_text())["scalers"]
-    found = chart.manifests(chart.recorded("full"))
+    found = chart.rendered("full")
     triggers = [one["spec"]["triggers"] for one in chart.of_kind(found, "ScaledObject")]
     for trigger in (trigger for these in triggers for trigger in these):
         [scaler] = [one for one in scalers if one["type"] == trigger["type"]]

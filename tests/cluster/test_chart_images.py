@@ -111,7 +111,7 @@ def test_a_farm_of_what_the_images_hold_renders_a_job(form: str, tool: Find) -> 
         assert sizes["api"] < 170
         assert sizes["monitor"] < 440
         assert sizes["worker"] < 380
-        found = chart.manifests(chart.recorded("gpu"))
+        found = chart.rendered("gpu")
         machine = Path(folder) / "node"
         machine.mkdir()
         with Node(machine, found, tool, {**pythons, "keys": pythons["api"]}) as node:

@@ -87,7 +87,7 @@ def _selects(selector: dict[str, Any], labels: dict[str, str]) -> bool:
 
 
 def network(example: str) -> Network:
-    return Network(chart.manifests(chart.recorded(example)))
+    return Network(chart.rendered(example))
 
 
 def allowed(example: str, pods: dict[str, Pod | str]) -> set[str]:
@@ -153,7 +153,7 @@ def test_the_api_opens_to_whom_it_is_told_and_to_prometheus() -> None:
 
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_every_pod_is_denied_what_is_not_named(example: str) -> None:
-    found = chart.manifests(chart.recorded(example))
+    found = chart.rendered(example)
     decides = Network(found)
     for one in chart.of_kind(found, "Deployment", "StatefulSet"):
         pod = NAMESPACE, one["spec"]["template"]["metadata"]["labels"]

@@ -1,5 +1,6 @@
 """What the chart's pods may do, are told, and whom they may talk to."""
 
+import hashlib
 import os
 import re
 from typing import Any
@@ -28,7 +29,7 @@ FOREIGN = {
 @pytest.fixture(params=EXAMPLES)
 def found(request: pytest.FixtureRequest) -> list[Manifest]:
     """The objects of an example."""
-    return chart.manifests(chart.recorded(request.param))
+    return chart.rendered(request.param)
 
 
 class TestEveryPod:
@@ -87,7 +88,7 @@ class TestEveryPod:
 
 
 def test_targets_of_notifications_are_mounted_where_they_are_named_and_used() -> None:
-    for name, pod in chart.pods(chart.manifests(chart.recorded("external"))):
+    for name, pod in chart.pods(chart.rendered("external")):
         volumes = {one["name"]: one for one in pod["volumes"]}
         is_told = name.endswith(("-api", "-monitor"))
         assert ("notify" in volumes) == is_told, name
@@ -100,7 +101,7 @@ def test_targets_of_notifications_are_mounted_where_they_are_named_and_used() ->
 
 
 def test_scene_roots_are_mounted_to_be_read_where_scenes_are_read() -> None:
-    found = chart.manifests(chart.recorded("full"))
+    found = chart.rendered("full")
     for name, pod in chart.pods(found):
         mounts = {
             mount["mountPath"]: mount.get("readOnly")
@@ -194,7 +195,7 @@ def parsed(arguments: list[str]) -> dict[str, Any]:
 
 
 def test_a_first_try_fits_a_small_machine() -> None:
-    found = chart.manifests(chart.recorded("minimal"))
+    found = chart.rendered("minimal")
     asked = {"cpu": 0.0, "memory": 0.0}
     for one in chart.of_kind(found, "Deployment", "StatefulSet"):
         for container in one["spec"]["template"]["spec"]["containers"]:
@@ -214,7 +215,7 @@ def _amount(quantity: str) -> float:
 
 class TestRedis:
     def test_loses_nothing_that_it_has_acknowledged(self) -> None:
-        found = chart.manifests(chart.recorded("minimal"))
+        found = chart.rendered("minimal")
         [config] = chart.of_kind(found, "ConfigMap")
         lines = config["data"]["redis.conf"].splitlines()
         assert {"appendonly yes", "appendfsync always", "maxmemory-policy noeviction"} <= set(lines)
@@ -229,12 +230,13 @@ class TestRedis:
         assert f"dir {mount}" in lines
 
     def test_starts_again_when_its_users_may_do_something_else(self) -> None:
-        [redis] = chart.of_kind(chart.manifests(chart.recorded("minimal")), "StatefulSet")
+        [redis] = chart.of_kind(chart.rendered("minimal"), "StatefulSet")
         annotations = redis["spec"]["template"]["metadata"]["annotations"]
-        assert annotations == {"checksum/users": "(of deploy/redis/users.acl)"}
+        users = (chart.CHART / "files" / "users.acl").read_bytes()
+        assert annotations == {"checksum/users": hashlib.sha256(users).hexdigest()}
 
     def test_of_your_own_leaves_nothing_of_it_here(self) -> None:
-        found = chart.manifests(chart.recorded("external"))
+        found = chart.rendered("external")
         assert not chart.of_kind(
             found, "StatefulSet", "ConfigMap", "Secret", "PersistentVolumeClaim"
         )
@@ -247,7 +249,7 @@ def test_workers_may_have_a_key_of_their_own_to_the_store() -> None:
             for one in container["env"]
             if one["name"].startswith("AWS_") and "valueFrom" in one
         }
-        for name, container in chart.containers(chart.manifests(chart.recorded("external")))
+        for name, container in chart.containers(chart.rendered("external"))
     }
     workers = {name for name in secrets if "-worker-" in name}
     assert workers
@@ -257,7 +259,7 @@ def test_workers_may_have_a_key_of_their_own_to_the_store() -> None:
 
 class TestPools:
     def test_are_scaled_by_what_their_workers_can_render(self) -> None:
-        found = chart.manifests(chart.recorded("gpu"))
+        found = chart.rendered("gpu")
         asked = {
             one["metadata"]["name"]: one["spec"]["triggers"][0]["metadata"]["url"].partition("?")[2]
             for one in chart.of_kind(found, "ScaledObject")
@@ -282,21 +284,21 @@ class TestPools:
             assert ("replicas" in worker["spec"]) != (worker["metadata"]["name"] in scaled)
 
     def test_say_what_differs_from_the_defaults(self) -> None:
-        found = chart.manifests(chart.recorded("gpu"))
+        found = chart.rendered("gpu")
         [gpu] = [pod for name, pod in chart.pods(found) if name.endswith("worker-gpu")]
         assert gpu["containers"][0]["resources"]["limits"]["nvidia.com/gpu"] == 1
         assert gpu["runtimeClassName"] == "nvidia"
         told = {one["name"]: one.get("value") for one in gpu["containers"][0]["env"]}
         assert (told["PLATEAU_TAGS"], told["PLATEAU_POOL"]) == ("gpu", "default")
         # And a pool that is null is none
-        names = [name for name, _ in chart.pods(chart.manifests(chart.recorded("full")))]
+        names = [name for name, _ in chart.pods(chart.rendered("full"))]
         assert {name for name in names if "worker" in name} == {
             "farm-plateau-worker-small",
             "farm-plateau-worker-film",
         }
 
     def test_render_with_as_many_threads_as_they_may_have_cores(self) -> None:
-        found = chart.manifests(chart.recorded("full"))
+        found = chart.rendered("full")
         threads = {
             name: [one for one in pod["containers"][0]["env"] if one["name"] == "PLATEAU_THREADS"]
             for name, pod in chart.pods(found)

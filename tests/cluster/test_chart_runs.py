@@ -8,7 +8,6 @@ from tempfile import TemporaryDirectory
 
 import httpx
 import pytest
-import yaml
 
 from plateau.client import Client
 from plateau.farm.model.spec import JobSpec
@@ -16,7 +15,7 @@ from plateau.farm.model.states import JobState
 from plateau.metric.compiled.jit import cache_folder
 from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import ROOT, Find, Manifest
-from tests.cluster.support_pods import Node, needs_root, users_acl
+from tests.cluster.support_pods import Node, needs_root
 from tests.support.until import until
 
 NAME = "farm-plateau"
@@ -25,7 +24,7 @@ BOX = ROOT / "scenes" / "box"
 
 @pytest.fixture
 def found() -> list[Manifest]:
-    return chart.manifests(chart.recorded("gpu"))
+    return chart.rendered("gpu")
 
 
 @pytest.fixture
@@ -91,14 +90,3 @@ def give_compiled_kernels(node: Node) -> None:
     for path in (cache / "kernels").rglob("*"):
         os.chown(path, 10001, 10001)
     os.chown(cache / "kernels", 10001, 10001)
-
-
-def test_the_users_of_redis_are_those_that_helm_writes(form: str, tool: Find) -> None:
-    if form == "long":
-        text = chart.helm(
-            tool("helm"), "template", "farm", ".", f"--kube-version={chart.KUBERNETES[-1]}"
-        )
-        secret = chart.named(list(yaml.safe_load_all(text)), "Secret", f"{NAME}-redis")[
-            "stringData"
-        ]
-        assert secret["users.acl"].split() == users_acl(secret).split()

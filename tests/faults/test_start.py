@@ -17,8 +17,8 @@ from tests.support.processes.commands import Command
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
-TOO_NEW = str(LAYOUT + 1)
-REFUSAL = f"the data in Redis has layout {TOO_NEW}"
+OTHER = str(LAYOUT + 1)
+REFUSAL = f"the data in Redis has layout {OTHER}"
 PROCESSES = (("api", "--port", "0"), ("monitor",), ("worker",))
 ONE_OF_THEM = [PROCESSES[0], *rare(*((one,) for one in PROCESSES[1:]))]
 
@@ -59,11 +59,11 @@ def redis_comes(tmp_path: Path) -> Iterator[Callable[[], EmbeddedRedis]]:
         server.stop()
 
 
-def test_a_data_folder_that_is_too_new_is_refused(tmp_path: Path) -> None:
-    # Given a data folder that a newer Plateau has used
+def test_a_data_folder_of_another_version_is_refused(tmp_path: Path) -> None:
+    # Given a data folder that another Plateau has used
     server = EmbeddedRedis(tmp_path / "data" / "redis")
     with connect(server.url) as client:
-        client.set(keys.SCHEMA, TOO_NEW)
+        client.set(keys.SCHEMA, OTHER)
     server.stop()
     # Then this one says so in a line, and leaves it as it is
     command = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
@@ -73,12 +73,12 @@ def test_a_data_folder_that_is_too_new_is_refused(tmp_path: Path) -> None:
     finally:
         command.end()
     assert REFUSAL in command.said
-    assert "install that version here, or choose another PLATEAU_DATA" in command.said
+    assert "install the Plateau that wrote it, or choose another PLATEAU_DATA" in command.said
     assert len(command.said.splitlines()) == 1
     server = EmbeddedRedis(tmp_path / "data" / "redis")
     with connect(server.url) as client:
         assert client.keys("*") == [keys.SCHEMA]
-        assert client.get(keys.SCHEMA) == TOO_NEW
+        assert client.get(keys.SCHEMA) == OTHER
     server.stop()
 
 
@@ -88,7 +88,7 @@ def test_each_process_refuses_what_is_too_new(
     arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
 ) -> None:
     with connect(redis_comes().url) as client:
-        client.set(keys.SCHEMA, TOO_NEW)
+        client.set(keys.SCHEMA, OTHER)
     command = run(*arguments)
     assert command.exit_code() == ExitCode.INCOMPATIBLE
     assert REFUSAL in command.said
@@ -119,7 +119,7 @@ def test_each_process_refuses_what_comes_late_and_is_too_new(
 ) -> None:
     before = redis_comes()
     with connect(before.url) as client:
-        client.set(keys.SCHEMA, TOO_NEW)
+        client.set(keys.SCHEMA, OTHER)
     before.stop()
     command = run(*arguments)
     command.wait_for(READY if arguments[0] == "api" else "trying again")

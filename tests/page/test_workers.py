@@ -1,15 +1,10 @@
 """The workers' screen."""
 
-import socket
-from datetime import datetime, timezone
-
 import redis
 from playwright.sync_api import expect
 
-from plateau.farm.ledger.members import note_refused
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.model.errors import Refused
 from plateau.farm.model.states import JobState
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
@@ -96,17 +91,3 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     # And what each renders is one step away
     first.get_by_role("link", name="box").first.click()
     expect(page.get_by_role("heading", name="box")).to_be_visible()
-
-
-def test_who_was_refused_is_told_of(visit: Visit, farm: NoiseFarm, client: redis.Redis) -> None:
-    note_refused(client, "worker", Refused(3, 4, "0.4.0"))
-    page = visit("/workers").page
-    told = page.get_by_role("list", name="Refused").get_by_role("listitem")
-    expect(told).to_have_count(1)
-    expect(told).to_contain_text("was refused just now: the farm's monitors and APIs speak")
-    expect(told).to_contain_text("It is too old: install Plateau 0.4.0 here")
-    # Until a worker of that machine is let in
-    start = {"host": socket.gethostname(), "started_at": datetime.now(timezone.utc).isoformat()}
-    SliceQueue(client, "w-1", HOUR).heartbeat({**about("w-1"), **start, "plateau": "0.4.0"}, ())
-    expect(told).to_have_count(0)
-    expect(page.locator('[data-worker="w-1"]')).to_contain_text("Plateau 0.4.0")

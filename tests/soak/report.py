@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from datetime import datetime, timezone
+from typing import Final
 
-from bench.support import markdown
-from bench.support.report import Figure, write_report
+from bench.support.report import Table, machine, write_report
 from tests.soak.held import Watch, most
 
 _MB: Final = 1e6
 _ROLES: Final = ("API", "monitor", "worker", "render child", "Redis")
-_CALLS: Final = "users' calls of the API"
 _HEAD: Final = (
     *("", "own memory, MB: start", "middle", "end", "growth", "at most"),
     *("RSS at the end", "descriptors: middle", "end"),
@@ -35,18 +34,9 @@ class Found:
 
 def write(found: Found) -> None:
     """Write the report of a soak in which all was well, and its tables."""
-    figures = [
-        Figure(name="minutes", value=round(found.minutes, 1), unit="min"),
-        *_counts("jobs", {**found.compared, "cancelled": found.cancelled}),
-        *_counts("faults", found.struck),
-        Figure(name=_CALLS, value=found.calls, unit="calls"),
-        Figure(name="messages of webhooks", value=found.messages, unit="messages"),
-        Figure(name="blobs put and not committed, swept", value=found.orphans, unit="blobs"),
-        *(one for role in found.watch.series for one in _held(found.watch, role)),
-    ]
-    report = write_report(
+    write_report(
         "soak",
-        figures,
+        tables(found),
         settings={"seed": found.seed},
         notes=[
             "An API, a monitor and a worker with its render child are not struck, others are.",
@@ -54,72 +44,40 @@ def write(found: Found) -> None:
             "Start, middle and end are medians of a tenth of the run each.",
             "Growth is the median slope after the first third, times the rest.",
         ],
+        document="durability.md",
     )
-    markdown.fill(markdown.DOCS / "soak.md", tables(report))
 
 
-def _counts(of_what: str, counts: Mapping[str, int]) -> list[Figure]:
-    return [
-        Figure(name=f"{of_what}: {kind}", value=count, unit=of_what)
-        for kind, count in sorted(counts.items())
-    ]
-
-
-def _held(watch: Watch, role: str) -> list[Figure]:
-    made = [Figure(name=f"{role}: processes", value=len(watch.pids[role]), unit="processes")]
-    for name, trend in watch.trends(role).items():
-        is_memory = name in {"own", "rss", "pss"}
-        scale, unit = (_MB, "MB") if is_memory else (1, name)
-        for stage in _STAGES:
-            value = round(getattr(trend, stage) / scale, 1)
-            made.append(Figure(name=f"{role}: {name}, {stage}", value=value, unit=unit))
-        if name == "own":
-            bound = round(most(name, trend) / scale, 1)
-            made.append(Figure(name=f"{role}: own, bound", value=bound, unit=unit))
-    return made
-
-
-def tables(report: Mapping[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: what happened, and what each process held."""
-    found = {one["name"]: one["value"] for one in report["figures"]}
-    jobs, faults = _of("jobs", found), _of("faults", found)
-    about = report["machine"]
-    rows = [
-        ["date, machine", f"{report['at'][:10]}, {about['cores']} cores, {about['cpu']}"],
-        ["minutes of faults", f"{found['minutes']:g}"],
-        ["jobs checked", f"{sum(jobs.values()):g}: {_listed(jobs)}"],
-        ["faults", f"{sum(faults.values()):g}: {_listed(faults)}"],
-        ["users' calls of the API", f"{found[_CALLS]:g}"],
-        ["messages that a receiver got", f"{found['messages of webhooks']:g}"],
-    ]
+def tables(found: Found) -> dict[str, Table]:
+    """Return what happened, and what each process held."""
+    jobs, about = {**found.compared, "cancelled": found.cancelled}, machine()
+    today = datetime.now(timezone.utc).date()
     return {
-        "soak": markdown.table(["", ""], rows),
-        "soak-memory": markdown.table(
-            _HEAD,
-            [_row(role, found) for role in _ROLES if f"{role}: processes" in found],
-        ),
+        "soak": [
+            ["", ""],
+            ["date, machine", f"{today}, {about['cores']} cores, {about['cpu']}"],
+            ["minutes of faults", f"{found.minutes:.1f}".removesuffix(".0")],
+            ["jobs checked", f"{sum(jobs.values())}: {_listed(jobs)}"],
+            ["faults", f"{sum(found.struck.values())}: {_listed(found.struck)}"],
+            ["users' calls of the API", str(found.calls)],
+            ["messages that a receiver got", str(found.messages)],
+        ],
+        "soak-memory": [
+            list(_HEAD),
+            *(_row(role, found.watch) for role in _ROLES if role in found.watch.series),
+        ],
     }
 
 
-def _of(what: str, found: Mapping[str, float]) -> dict[str, float]:
-    prefix = f"{what}: "
-    return {
-        name.removeprefix(prefix): value for name, value in found.items() if name.startswith(prefix)
-    }
+def _listed(counts: Mapping[str, int]) -> str:
+    most_first = sorted(sorted(counts.items()), key=lambda one: -one[1])
+    return ", ".join(f"{count} {kind}" for kind, count in most_first)
 
 
-def _listed(counts: Mapping[str, float]) -> str:
-    most_first = sorted(counts.items(), key=lambda one: -one[1])
-    return ", ".join(f"{count:g} {kind}" for kind, count in most_first)
-
-
-def _row(role: str, found: Mapping[str, float]) -> list[str]:
-    own = [f"{found[f'{role}: own, {stage}']:.1f}" for stage in (*_STAGES, "bound")]
-    rest = [found[f"{role}: {name}"] for name in ("rss, end", "descriptors, middle")]
-    return [
-        role,
-        *own,
-        f"{rest[0]:.0f}",
-        f"{rest[1]:.0f}",
-        f"{found[f'{role}: descriptors, end']:.0f}",
-    ]
+def _row(role: str, watch: Watch) -> list[str]:
+    trends = watch.trends(role)
+    own = [getattr(trends["own"], stage) / _MB for stage in _STAGES]
+    own.append(most("own", trends["own"]) / _MB)
+    files = trends["descriptors"]
+    rest = (trends["rss"].end / _MB, files.middle, files.end)
+    return [role, *(f"{one:.1f}" for one in own), *(f"{one:.0f}" for one in rest)]

@@ -1,7 +1,7 @@
 """By zones, samples decide where others go, and yet the mean of no zone is off.
 
 Real jobs of one scene with many seeds are compared with as many of whole frames. An unbiased farm
-would be found biased once in a thousand times, over all zones of all scenes (`bench.bias`).
+would be found biased once in a thousand times, over all zones of all scenes.
 ``LONG_TESTS=1`` takes all scenes, with 64 jobs each: half an hour.
 """
 
@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.bias import Difference, compared, subjects
-from bench.support.farms.service_farm import ServiceFarm
-from plateau.client import Client
+from tests.statistical.zone_means import Difference, compared, subjects
 from tests.support import long_tests
+from tests.support.farms.real_farm import RealFarm
 
 SHORT = [("CAUSTIC", 5)]
 CASES = [(name, 64) for name in subjects()] if long_tests.WANTED else SHORT
@@ -22,11 +21,15 @@ CASES = [(name, 64) for name in subjects()] if long_tests.WANTED else SHORT
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(("name", "jobs"), CASES)
 @pytest.mark.long
-def test_jobs_by_zones_have_the_mean_of_whole_frames(tmp_path: Path, name: str, jobs: int) -> None:
-    with ServiceFarm(tmp_path, jobs=0, threads=1, workers=2) as farm, Client(farm.url) as client:
-        found = compared(client, subjects()[name], jobs, jobs)
-    assert found["most spp over least"] > 1.25  # 1.5 in BOX 2, and more in the others
-    assert found["greatest deviation"] < 1, found
+def test_jobs_by_zones_have_the_mean_of_whole_frames(
+    tmp_path: Path, cache: Path, name: str, jobs: int
+) -> None:
+    with RealFarm(tmp_path, cache) as farm:
+        farm.start("monitor")
+        farm.workers(2)
+        greatest, spread = compared(farm.client, subjects()[name], jobs)
+    assert spread > 1.25  # 1.5 in BOX 2, and more in the others
+    assert greatest < 1
 
 
 def test_who_stops_by_his_own_luck_is_found() -> None:

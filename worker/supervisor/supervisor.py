@@ -10,22 +10,20 @@ import os
 import threading
 import time
 from collections.abc import Iterable
-from contextlib import suppress
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleError
 from plateau.farm.bundle.hashes import FileHashes
-from plateau.farm.ledger.members import note_refused, process_id, wait_for_upgrade
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.farm.model.errors import CorruptBlob, FilesDiffer, Refused, StoreUnavailable
+from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.starts import TURN_S
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
-from plateau.farm.process.lifecycle import show_life
+from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop, await_any
 from plateau.farm.redis import keys
@@ -138,9 +136,6 @@ class Supervisor:
                 wait_s = min(idle.delay_s(), self._queue.look_again_s)
                 if lease is not None or new_work.wait(wait_s, self._stop):
                     idle.reset()
-            except Refused as error:
-                self._wait_for_upgrade(error)
-                continue
             except (StoreUnavailable, OSError) as error:
                 self._note(str(error))
                 self._stop.wait(backoff.delay_s())
@@ -161,25 +156,12 @@ class Supervisor:
         _LOG.info("there was nothing to do for %g s: the worker stops", leave_after_s)
         return True
 
-    def _wait_for_upgrade(self, refused: Refused) -> None:
-        """Wait before the farm is asked again; raise the refusal if the worker is to exit."""
-        with suppress(StoreUnavailable):
-            note_refused(self._client, "worker", refused)
-        if self._settings.when_refused == "exit":
-            raise refused
-        if self._about.trouble is None:
-            _LOG.error("out of service: %s", refused)
-        self._about.trouble = str(refused)
-        wait_for_upgrade(self._stop)
-
     def _next_lease(self) -> Lease | None:
         if self._uploader.is_hung:
             return None
         job, since = self._turn
         in_turn = time.monotonic() < since + TURN_S
-        lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
-        self._about.trouble = None  # the farm no longer refuses it
-        return lease
+        return self._queue.lease(self._choice.variants, job, in_turn=in_turn)
 
     def _serve(self, lease: Lease) -> bool:
         """Render one slice and report its outcome; return False if Redis, blobs or disk failed."""

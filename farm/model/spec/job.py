@@ -79,12 +79,8 @@ class JobSpec(SharedSpec):
 
 
 def stored_spec(text: str) -> JobSpec:
-    """The spec as Redis has it, without what a newer Plateau has added to specs.
-
-    That one does without these fields where they are left out, or an older one such as this is not
-    let into its farm; see `plateau.farm.model.versions`.
-    """
-    return JobSpec.model_validate_json(text, extra="ignore")
+    """The spec as Redis has it."""
+    return JobSpec.model_validate_json(text)
 
 
 class BatchSpec(SharedSpec):

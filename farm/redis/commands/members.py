@@ -1,4 +1,4 @@
-"""Heartbeats of monitors and APIs, draining of workers, pairing of Redis and blob store."""
+"""Heartbeats of monitors, draining of workers, pairing of Redis and blob store."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,15 +15,6 @@ class MonitorHeartbeat(Command[None]):
     about: str | None  #: JSON; None where it signs off
     life_ms: int  #: after this time without a heartbeat it counts as dead
     done: Mapping[str, int]  #: by total
-
-
-@dataclass(frozen=True, kw_only=True)
-class ApiHeartbeat(Command[None]):
-    """Report that an API lives."""
-
-    api: str
-    about: str | None  #: JSON; None where it signs off
-    life_ms: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Commands of workers: they report that they live, leave, or were refused."""
+"""Commands of workers: they report that they live, or leave."""
 
 from dataclasses import dataclass
 
@@ -28,11 +28,3 @@ class Leave(Command[None]):
     """Sign a worker off."""
 
     worker: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Refused(Command[None]):
-    """Note that a process was refused."""
-
-    who: str  #: role and machine
-    about: str  #: JSON

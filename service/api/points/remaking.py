@@ -13,7 +13,7 @@ from plateau.farm.model.errors import CorruptPartial, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.rules import CURVE
 from plateau.service.judging.checkpoints import read_sums
-from plateau.service.judging.facts import FILE, Facts, decode_facts, old_facts
+from plateau.service.judging.facts import FILE, decode_facts
 from plateau.service.judging.films import checked_partial
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import NoiseMaps, result_files
@@ -45,7 +45,7 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
             return None
         if job.finished_at is None or not spp or not 0 < values <= MOST_VALUES:
             return None
-        facts = _facts(f"{folder}/{FILE}", job, spp, store)
+        facts = decode_facts(store.get(f"{folder}/{FILE}"))
         merge, memory = _merged(job, spp, jobs, store)
     except (JobNotFound, FileNotFoundError, CorruptPartial, LookupError, ValueError) as error:
         _LOG.warning("%s cannot be made again: %s", name, error)
@@ -78,13 +78,6 @@ def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memor
             numbers = {"first_spp": merge.spp, "points": []}
             memory = ({CURVE: numbers}, {f"{CURVE}:first": merge.image()})
     return merge, memory
-
-
-def _facts(blob: str, job: Job, spp: int, store: Blobs) -> Facts:
-    try:
-        return decode_facts(store.get(blob))
-    except FileNotFoundError:
-        return old_facts(job.id, spp)
 
 
 def _judge(job: Job, memory: _Memory) -> "Judge":

@@ -134,7 +134,7 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
         problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)
         return problem.response(request.url.path)
 
-    @app.exception_handler(Incompatible)  # this API is about to end; another may answer
+    @app.exception_handler(Incompatible)  # another API may answer
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
         return unavailable(request.method, request.url.path, error).response(request.url.path)

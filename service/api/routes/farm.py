@@ -45,16 +45,13 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 
 def _all_workers(farm: Parts) -> Workers:
-    workers = farm.jobs.workers()
-    return Workers(
-        workers=[worker_view(one, farm.price) for one in farm.workers.with_blocks(workers)],
-        refused=farm.workers.refused(workers),
-    )
+    workers = farm.workers.with_blocks(farm.jobs.workers())
+    return Workers(workers=[worker_view(one, farm.price) for one in workers])
 
 
 @router.get("/v1/workers", responses=documented())
 def list_workers(farm: Farm) -> Workers:
-    """List the living workers, what each renders, and which processes were refused."""
+    """List the living workers, and what each renders."""
     return _all_workers(farm)
 
 

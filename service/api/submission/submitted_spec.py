@@ -59,10 +59,7 @@ def check_alone(spec: JobSpec | BatchSpec) -> None:
 
 
 def check_names(spec: SharedSpec) -> None:
-    """Refuse names that nobody can read, and a batch whose name cannot be in a path.
-
-    Jobs of an older Plateau may have such names.
-    """
+    """Refuse names that nobody can read, and a batch whose name cannot be in a path."""
     for field, name in (("name", spec.name or ""), ("batch", spec.batch or "")):
         if any(unicodedata.category(one) in _NOT_IN_NAMES for one in {*name} - _JOINERS):
             message = "must be a name without invisible characters and line ends"

@@ -1,6 +1,6 @@
 // A job as a row of the list.
 
-import { get, isProblem } from "../shared/api.js";
+import { get } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
 import { deletedSince } from "../shared/job_deletion.js";
@@ -144,13 +144,7 @@ export class JobRow {
 
   /** @param {ListedJob} job */
   async #fetchPicture(job) {
-    try {
-      await this.#picture.show(job.links.thumbnail_png, this.#signal);
-    } catch (error) {
-      // Jobs of an older Plateau have no thumbnail.
-      if (!isProblem(error, "no-image-yet") || !job.finished_at) throw error;
-      await this.#picture.show(job.links.image_png, this.#signal);
-    }
+    await this.#picture.show(job.links.thumbnail_png, this.#signal);
     this.#image.hidden = false;
   }
 }

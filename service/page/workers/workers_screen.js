@@ -23,15 +23,13 @@ export function open(main, { signal }) {
     h("p", { class: "lead" }, "There are no workers."),
     h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
-  const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });
-  main.append(refusals);
   const rows = new KeyedList(list, (/** @type {NamedWorker} */ worker) => new WorkerRow(worker, refresh));
   /** @type {Map<string, Api.JobView | null>} */
   const jobs = new Map();
 
   async function refresh() {
     /** @type {Api.Workers} */
-    const { workers, refused } = await get("/v1/workers", signal);
+    const { workers } = await get("/v1/workers", signal);
     const named = workers.flatMap(({ job, blocked_for: blocked, last_slices: last }) => [...(job ? [job] : []), ...blocked, ...last.map((one) => one.job)]);
     const unknown = new Set(named.filter((id) => !jobs.has(id)));
     await Promise.all([...unknown].map(async (id) => {
@@ -45,11 +43,6 @@ export function open(main, { signal }) {
       ? [several(workers.length, "worker"), `${busy} rendering`, rate ? `${three(rate / 1e6)} million samples a second` : ""].filter(Boolean).join(" · ")
       : "");
     nothing.hidden = workers.length > 0;
-    const told = refused.map(({ role, host, at, why }) => `The ${role} of ${host} was refused ${ago(at)}: ${why}`);
-    if (told.join() !== [...refusals.children].map((one) => one.textContent).join()) {
-      refusals.replaceChildren(...told.map((text) => h("li", { class: "bad" }, text)));
-    }
-    refusals.hidden = !told.length;
   }
   repeat(refresh, () => EVERY_MS, signal);
 }

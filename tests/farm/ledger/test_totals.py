@@ -117,9 +117,6 @@ class TestSlices:
         known = farm.jobs.get(job.id)
         assert known.machine_s == 2.0
         assert known.core_hours == pytest.approx((4 * 0.5 + 0.5 + 4 * 1.0) / 3600)
-        # If an older Plateau has counted, which knows no threads
-        farm.client.hdel(keys.job(job.id), "further_core_ms")
-        assert farm.jobs.get(job.id).core_hours == pytest.approx(2.0 / 3600)
 
     def test_of_a_worker_that_fell_silent_are_lost(self, farm: Farm) -> None:
         farm.job(slices=1)

@@ -9,12 +9,10 @@ import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from plateau.farm.ledger import schema
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model import versions
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
@@ -24,7 +22,7 @@ from plateau.farm.redis.commands import slices as commands
 from plateau.farm.redis.commands.jobs import Block, End, Pause, Reprioritise, Resume
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import Scripts, library
 from plateau.farm.redis.wake import Wake
 from tests.support.long_tests import WANTED
 from tests.support.until import until
@@ -338,23 +336,18 @@ def index(client: redis.Redis) -> dict[str, object]:
     return found
 
 
-#: A migration that knows nothing of the index: it only files each open job.
+#: Knows nothing of the index: it only files each open job.
 FILES_ALL = "for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do changed[id] = true end"
 
 
 def make_index_afresh(client: redis.Redis) -> None:
-    """Take the queues and shares away, and have a migration from a made-up layout file all jobs."""
+    """Take the queues and shares away, and file all jobs."""
     for key in index(client):
         if key.startswith((keys.WAITING, f"{keys.PREFIX}share:")):
             client.delete(key)
     for job_id in client.zrange(keys.JOBS, 0, -1):
         client.hdel(keys.job(job_id), "filed")
-    client.delete(keys.WORKERS, keys.MONITORS)  # all were stopped
-    client.set(keys.SCHEMA, versions.LAYOUT - 1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(schema, "_MIGRATIONS", {versions.LAYOUT - 1: FILES_ALL})
-        schema.check_schema(client)
-    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
+    client.eval(f"{library()}\n{FILES_ALL}\nWaiting.file_changed()", 0)
 
 
 def note_what_ran_out(client: redis.Redis) -> None:

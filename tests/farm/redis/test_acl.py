@@ -12,7 +12,6 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.members import Membership
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
@@ -257,11 +256,10 @@ def test_a_worker_waits_for_who_may_load_its_scripts(client: redis.Redis, login:
     monitor = monitor_comes(login)
     assert worker.heartbeat(about("w"), ()) == ()
     # And so it does after Redis has forgotten all scripts, as where it starts again
-    for comes_by in (lambda: monitor.heartbeat(0), Membership(login("api"), LEASE_S).heartbeat):
-        client.script_flush()
-        waits()
-        comes_by()
-        assert worker.heartbeat(about("w"), ()) == ()
+    client.script_flush()
+    waits()
+    monitor.heartbeat(0)
+    assert worker.heartbeat(about("w"), ()) == ()
 
 
 def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: EmbeddedRedis) -> None:
@@ -276,7 +274,7 @@ def test_the_queue_asks_for_the_commands_of_workers_alone() -> None:
     kinds = [*known.values(), *vars(known["commands"]).values()]
     asked = {kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Command)}
     ran = {kind.lua_name() for kind in asked if not kind.__name__.endswith("Command")}
-    assert ran == commands("workers") - {"refused"}  # which others run, too
+    assert ran == commands("workers")
     assert set(QUEUE_PARTS) <= set(keys.JOB_PARTS)
 
 

@@ -27,13 +27,12 @@ _CLOCKS: Final = {"seen_at", "at", "swept at"}
 _SCORED_BY_TIME: Final = {
     keys.WORKERS,
     keys.MONITORS,
-    keys.APIS,
     keys.LEASES,
     keys.KINDS,
     keys.SCENES_USED,
     keys.RECEIVERS,
 }
-_TIMES: Final = {keys.HEARD, keys.GRACE, keys.API_KEYS_USED, keys.SWEPT, keys.REFUSED}
+_TIMES: Final = {keys.HEARD, keys.GRACE, keys.API_KEYS_USED, keys.SWEPT}
 
 
 @pytest.fixture

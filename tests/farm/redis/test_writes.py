@@ -9,7 +9,7 @@ import redis
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.totals import note_sweep
 from plateau.farm.model import versions
-from plateau.farm.model.errors import WrongLayout
+from plateau.farm.model.errors import Incompatible
 from plateau.farm.redis import keys
 from tests.farm.redis.test_lost_answers import state
 from tests.support.redis import redis_writes
@@ -26,12 +26,12 @@ OTHER_NAMES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_write_to_a_newer_layout_is_refused(client: redis.Redis, name: str) -> None:
+def test_a_write_to_another_layout_is_refused(client: redis.Redis, name: str) -> None:
     write = CASES[name].prepare(World(client, client))
-    # If a newer Plateau brings the layout forward meanwhile
+    # If Redis has the data of another Plateau meanwhile
     client.set(keys.SCHEMA, versions.LAYOUT + 1)
     before = state(client)
-    with pytest.raises(WrongLayout, match="a newer Plateau has migrated it"):
+    with pytest.raises(Incompatible, match=f"has layout {versions.LAYOUT + 1}"):
         write()
     # Then nothing is changed
     assert state(client) == before

@@ -1,7 +1,6 @@
 """The client against wrong addresses, what is no service, and one that wants to be left alone."""
 
 import contextlib
-import json
 import subprocess
 import sys
 import threading
@@ -11,13 +10,16 @@ from datetime import datetime, timezone
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+from typer.testing import CliRunner
 
 from plateau import ApiError, Client, ClientError, Unreachable
-from plateau.client import BadUrl, NotPlateau, PointEvent
+from plateau.cli import app
+from plateau.client import BadUrl, NotPlateau
 from plateau.commands.connect import connect
+from plateau.errors import OtherVersion
+from plateau.exit_codes import ExitCode
 from plateau.farm.model import versions
-from plateau.farm.wire import examples
-from plateau.farm.wire.views import JobPage, WorkerView
+from plateau.farm.wire.views import JobPage
 
 #: Status, body and headers of an answer, by the number of requests before.
 Answers = Callable[[int], tuple[int, bytes, dict[str, str]]]
@@ -143,37 +145,23 @@ def test_the_package_offers_the_client_without_loading_it() -> None:
 
 
 class TestVersions:
-    def test_what_a_newer_service_has_added_is_left_out(
+    def test_a_command_is_not_for_a_service_of_another(
         self, server: Callable[[Answers], str]
     ) -> None:
-        added = {"workers": [{**examples.WORKER, "aura": "violet"}], "weather": "fair"}
-        with Client(server(lambda _: (200, json.dumps(added).encode(), {}))) as client:
-            assert client.workers() == [WorkerView.model_validate(examples.WORKER)]
-        point = PointEvent(id="1-0", type="point", data={**examples.POINT, "mood": 1}, at=_AT)
-        assert point.point.spp == examples.POINT["spp"]
-
-    def test_a_command_says_once_that_the_service_is_another(
-        self, server: Callable[[Answers], str], capsys: pytest.CaptureFixture[str]
-    ) -> None:
         url = server(lambda _: (200, _NO_JOBS, {"Plateau-Version": "7.3.1"}))
-        with connect(url) as client:
-            for _ in range(3):
-                client.jobs()
-            assert client.service_version == "7.3.1"
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert f"and the service at {url} is 7.3.1: calls that only one of them knows fail" in said
+        says = f"this is Plateau {versions.plateau()}, and the service at {url} is Plateau 7.3.1"
+        with connect(url) as client, pytest.raises(OtherVersion, match=says):
+            client.jobs()
+        assert client.service_version == "7.3.1"
+        done = CliRunner().invoke(app, ["list", "--url", url])
+        assert done.exit_code == ExitCode.INCOMPATIBLE
 
-    @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": f"{versions.plateau()}.1"}])
-    def test_and_nothing_of_one_that_knows_the_same(
-        self,
-        server: Callable[[Answers], str],
-        capsys: pytest.CaptureFixture[str],
-        headers: dict[str, str],
+    @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": versions.plateau()}])
+    def test_but_for_one_of_its_own(
+        self, server: Callable[[Answers], str], headers: dict[str, str]
     ) -> None:
         with connect(server(lambda _: (200, _NO_JOBS, headers))) as client:
-            client.jobs()
-        assert capsys.readouterr().err == ""
+            assert client.jobs().jobs == []
 
 
 def test_a_command_waits_for_a_service_that_it_has_heard(

@@ -141,14 +141,6 @@ class TestAFolderThatAnotherJobHadBefore:
         assert files == {"report.html", "summary.txt", "summary.json", ".plateau-job"} | others
         assert all((tmp_path / name).read_text() == "mine" for name in others)
 
-    def test_has_nothing_of_it_either_where_a_plateau_before_this_one_wrote_it(
-        self, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
-    ) -> None:
-        write_results(plateau, plateau.job(finished(client, store).id), tmp_path)
-        (tmp_path / ".plateau-job").unlink()
-        write_results(plateau, plateau.job(failed(client).id), tmp_path)
-        assert visible(tmp_path) == {"report.html", "summary.txt", "summary.json"}
-
     def test_has_the_files_of_one_job_whenever_its_writer_is_killed(
         self, api: str, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
     ) -> None:

@@ -27,7 +27,7 @@ def test_it_says_that_it_lives_and_is_ready(http: httpx.Client) -> None:
 
 
 def test_it_lists_the_workers(http: httpx.Client, redis_url: str) -> None:
-    assert http.get("/v1/workers").json() == {"workers": [], "refused": []}
+    assert http.get("/v1/workers").json() == {"workers": []}
     about = {
         "id": "w1",
         "host": "here",

@@ -26,11 +26,10 @@ from plateau.farm.model.shot import FrameAnswer, FrameWait, ShotLook
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
+from plateau.farm.redis.commands.members import Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
-from plateau.farm.redis.commands.workers import Refused
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 
@@ -363,16 +362,6 @@ def _(world: World) -> Callable[[], object]:
     work = MonitorWork(world.lossy, "monitor-1", LEASE_S)
     work.merges.note(0.1)
     return lambda: work.heartbeat(3)
-
-
-@case("api_heartbeat")
-def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run(ApiHeartbeat(api="api-1", about="{}", life_ms=60_000))
-
-
-@case("refused", writes_only_times=True)
-def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run(Refused(who="worker a-host", about='{"pid": 1}'))
 
 
 @case("settle_delivery: delivered", again=True)

@@ -1,7 +1,7 @@
 """Watches what Plateau's own code sends to Redis: it writes by one script, so behind the guard.
 
 That script looks at the layout first (`plateau.farm.redis.scripts`). A write by another way
-would pass by that, also in a process that a newer Plateau has shut out.
+would pass by that, also in a process of another version.
 """
 
 import functools

@@ -5,8 +5,7 @@
 -- slice that holds up the job's image, this one is given that slice; without other work, such a slice of
 -- any job.
 -- Returns the slice; `again` where the slice that it found needs no rendering; otherwise, if known, the ms
--- until a slice of another worker may be late. An error where the worker speaks none of the farm's
--- versions.
+-- until a slice of another worker may be late.
 function for_workers.lease(it)
   local worker, kind, loaded, in_turn = it.worker, it.kind, it.loaded, it.in_turn
   local lease_ms, most_tries = it.lease_ms, it.most_tries
@@ -18,8 +17,6 @@ function for_workers.lease(it)
     for _, lease in ipairs(over) do Slice.note_lost(string.match(lease, '^(%S+) (%S+)$')) end
     Waiting.file_changed()
   end
-  local refused = Member.refusal_of_worker()
-  if refused then return nil, refused end
   if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return {} end
 
   -- The next job, and the variant to render it with: at the highest priority with a job that this worker

@@ -1,6 +1,5 @@
--- A monitor lives, and its work is added to the totals. It reports its work since its start, so that a
--- repeated or a lost heartbeat counts nothing twice and loses nothing.
--- Returns an error where it speaks none of the farm's versions.
+-- A monitor lives, or signs off without `about`, and its work is added to the totals. It reports its work
+-- since its start, so that a repeated or a lost heartbeat counts nothing twice and loses nothing.
 function for_farm.monitor_heartbeat(it)
   local monitor = monitor_key(it.monitor)
   for total, number in pairs(it.done) do
@@ -10,13 +9,14 @@ function for_farm.monitor_heartbeat(it)
       redis.call('HSET', monitor, 'did ' .. total, number)
     end
   end
-  return nil, Member.note(MONITORS, monitor, it.monitor, it.about, it.life_ms)
-end
-
--- An API lives.
--- Returns an error where it speaks none of the farm's versions.
-function for_farm.api_heartbeat(it)
-  return nil, Member.note(APIS, api_member_key(it.api), it.api, it.about, it.life_ms)
+  if given(it.about) then
+    redis.call('HSET', monitor, 'about', it.about, 'seen_at', now())
+    redis.call('ZADD', MONITORS, now() + it.life_ms, it.monitor)
+  else
+    redis.call('ZREM', MONITORS, it.monitor)
+  end
+  redis.call('EXPIRE', monitor, 86400)
+  redis.call('ZREMRANGEBYSCORE', MONITORS, '-inf', now() - 3600000)
 end
 
 -- Tell a worker to take no more slices, or to take some again. It finishes those that it has.

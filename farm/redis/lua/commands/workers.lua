@@ -36,9 +36,3 @@ function for_workers.leave(it)
   end
   redis.call('DEL', worker_key(it.worker))
 end
-
--- Note a refused process, for people who look for it: the last one of a machine and role, for an hour.
-function for_workers.refused(it)
-  redis.call('HSET', REFUSED, it.who, cjson.encode({at = now(), about = it.about}))
-  redis.call('EXPIRE', REFUSED, 3600)
-end

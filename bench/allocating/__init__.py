@@ -1,1 +1,0 @@
-"""Jobs by zones, replayed from recorded slices: what an allocation of samples saves."""

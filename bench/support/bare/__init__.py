@@ -1,1 +1,0 @@
-"""What the farm is compared with: Mitsuba, uvicorn and the metric alone."""

@@ -1,1 +1,0 @@
-"""Farms for benchmarks, with real workers and simulated ones."""

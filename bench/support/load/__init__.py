@@ -1,1 +1,0 @@
-"""Clients that put a load on a farm and measure its answers."""
