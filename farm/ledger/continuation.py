@@ -43,7 +43,7 @@ _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "all
 #: ... that the new job does not inherit, ...
 _OWN: Final = (
     *("batch", "at_once", "budget_core_hours", "flicker_guard", "shot"),
-    *("webhook", "notify", "after", "then"),
+    *("webhook", "notify", "after"),
 )
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
@@ -198,7 +198,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
     denoising with a name replaces the whole of it. The batch, the guard, the shot, the webhook, the
-    targets of notifications, the commands and the jobs that it came after are not inherited.
+    targets of notifications and the jobs that it came after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)

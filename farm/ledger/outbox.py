@@ -25,7 +25,6 @@ from plateau.farm.redis.commands.webhooks import (
     DueDelivery,
     FarmSecrets,
     Redeliver,
-    RenewDelivery,
     RenewFarmSecret,
     SettleDelivery,
     TakeDelivery,
@@ -94,11 +93,6 @@ class Taken:
         return _after(keys.NOTIFIED, self.receiver)
 
     @property
-    def command(self) -> str | None:
-        """The name of the command that is started; None where none is."""
-        return _after(keys.STARTED, self.receiver)
-
-    @property
     def job(self) -> Job:
         """The job as it was when it happened."""
         return records.job(self.job_id, self.fields, self.sealed)
@@ -148,12 +142,11 @@ class Outbox:
         error: str,
         took_s: float,
         delay_s: float = 0.0,
-        words: str | None = None,
     ) -> bool:
         """Report how the try ended; False where the lease was lost, and nothing was done.
 
-        A ``failed`` one is tried again after `delay_s`. `status` (of a command, its exit code),
-        `error` and `took_s` are for the log, `words` of a command for its event.
+        A ``failed`` one is tried again after `delay_s`. `status`, `error` and `took_s` are for the
+        log.
         """
         answer = self._scripts.run(
             SettleDelivery(
@@ -165,21 +158,9 @@ class Outbox:
                 status=status,
                 error=error,
                 ms=round(took_s * 1000),
-                words=words,
             )
         )
         return answer == "settled"
-
-    def renew(self, taken: Taken, lease_s: float) -> bool:
-        """Keep the lease on a delivery for this long from now; False where it was lost."""
-        return self._scripts.run(
-            RenewDelivery(
-                job=taken.job_id,
-                number=taken.number,
-                token=taken.token,
-                lease_ms=round(lease_s * 1000),
-            )
-        )
 
     def deliveries(self, job_id: str) -> list[Delivery]:
         """The job's newest hundred messages, by number, with their newest tries."""
@@ -207,7 +188,7 @@ class Outbox:
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
 
     def _secrets(self, due: DueDelivery) -> tuple[str, ...]:
-        if due.receiver.startswith((keys.NOTIFIED, keys.STARTED)):
+        if due.receiver.startswith(keys.NOTIFIED):
             return ()
         return (due.secret,) if due.secret else self.farm_secrets()
 
@@ -249,7 +230,6 @@ def _delivery(
         id=message_id(job_id, number),
         event=message["event"],
         target=_after(keys.NOTIFIED, receiver),
-        command=_after(keys.STARTED, receiver),
         at=moment(message["at"]),
         state=state,
         next_try_at=moment(due) if state == "waiting" and due is not None else None,

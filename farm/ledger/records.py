@@ -186,8 +186,6 @@ def new_job(
         fields["budget"] = str(spec.budget_core_hours)
     if spec.notify:
         fields["notify"] = " ".join(spec.notify)
-    if spec.then:
-        fields["then"] = " ".join(spec.then)
     if spec.webhook is not None:
         secret = spec.webhook.secret
         fields["webhook_receiver"] = spec.webhook.receiver

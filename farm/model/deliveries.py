@@ -16,15 +16,13 @@ class DeliveryTry(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     at: datetime = Field(description="when it ended")
-    status: int | None = Field(
-        description="the receiver's HTTP status, or the command's exit code, where there was one"
-    )
+    status: int | None = Field(description="the receiver's HTTP status, where there was one")
     error: str | None = Field(description="why it is not delivered, where it is not")
     ms: int | None = Field(description="milliseconds that it took, where that is known")
 
 
 class Delivery(BaseModel):
-    """A message to a webhook, a target of notifications or a command, and what became of it."""
+    """A message to a webhook or a target of notifications, and what became of it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -32,13 +30,12 @@ class Delivery(BaseModel):
     id: str = Field(description="its `webhook-id`")
     event: WebhookEvent
     target: str | None = Field(
-        default=None, description="who is notified; null where it is for a webhook or a command"
+        default=None, description="who is notified; null where it is for a webhook"
     )
-    command: str | None = Field(default=None, description="the command that it starts, if any")
     at: datetime = Field(description="when it happened")
     state: DeliveryState = Field(
         description="waiting for its next try, being tried, delivered (the receiver answered 2xx), "
-        "or given up (after a day, or since the receiver answered 410, or the command failed)"
+        "or given up (after a day, or since the receiver answered 410)"
     )
     next_try_at: datetime | None = Field(description="when it is tried next, where it is waiting")
     tries: tuple[DeliveryTry, ...] = Field(description="by time, the newest")

@@ -271,7 +271,7 @@ class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
     id: str
-    type: str = Field(description="state, image, point, slice, trouble, finished or command")
+    type: str = Field(description="state, image, point, slice, trouble or finished")
     data: dict[str, object]
     at: datetime
 

@@ -221,15 +221,6 @@ class Settings(BaseSettings):
     trouble_after_s: float = Field(
         120.0, ge=0, le=_DAY_S, description="for so long a trouble lasts before it is told"
     )
-    commands_file: _File = Field(
-        None,
-        repr=False,
-        description="a file with the commands that jobs may start at their ends, for the API and "
-        "the monitors: lines of a name, a blank and a command",
-    )
-    command_limit_s: float = Field(
-        3600.0, gt=0, le=7 * _DAY_S, description="after this time a monitor ends such a command"
-    )
     alive_file: Path | None = Field(
         None,
         description="a file that a worker or a monitor touches at each heartbeat, for probes; it "

@@ -21,9 +21,9 @@ of Plateau's loop endlessly over a worker's data.
 
 A hostile worker can still spoil the queue: it can write anything into a job's hash and ledger, and
 so mark a job as failed or done, show a wrong image, forge an event of a webhook, have a target
-notified or an allowed command started, have a sweep remove a job as old, or block other workers by
-unreadable entries; it can fill Redis's memory, and keep Redis busy while it is connected. It sees
-the names of all keys, since a lease rebuilds a damaged index. It cannot learn or change API keys,
+notified, have a sweep remove a job as old, or block other workers by unreadable entries; it can
+fill Redis's memory, and keep Redis busy while it is connected. It sees the names of all keys, since
+a lease rebuilds a damaged index. It cannot learn or change API keys,
 secrets and addresses of webhooks, owners of jobs, which of them are archived or deleted, or the
 tokens of monitors. To shut it out, give its user another password in the file; then
 ``plateau-admin`` may have Redis read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER

@@ -66,7 +66,7 @@ plateau:key:ID:open       set     the key's jobs that have not ended            
 plateau:key:ID:jobs       zset    the key's jobs, scored by their number of creation   the jobs'
 plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
 plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
-                                  (``notify:NAME`` is a target, ``then:NAME`` a command)
+                                  (``notify:NAME`` is a target of notifications)
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
 plateau:webhooks:before   string  those before it, which also sign                     1 d
 plateau:troubles          hash    "SCOPE TARGET TROUBLE" → since when (ms), and until    while so
@@ -171,8 +171,6 @@ FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 #: Before the name of a target of notifications, as a receiver.
 NOTIFIED: Final = "notify:"
-#: Before the name of a command, as a receiver.
-STARTED: Final = "then:"
 
 #: Most different needs (pool, tags, blocked workers) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
@@ -264,7 +262,7 @@ local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
 local RECEIVERS, WAKE_WEBHOOKS = '{RECEIVERS}', '{WAKE_WEBHOOKS}'
-local NOTIFIED, STARTED = '{NOTIFIED}', '{STARTED}'
+local NOTIFIED = '{NOTIFIED}'
 local WEBHOOK_SECRET, OLD_WEBHOOK_SECRET = '{WEBHOOK_SECRET}', '{OLD_WEBHOOK_SECRET}'
 local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end

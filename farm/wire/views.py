@@ -203,16 +203,13 @@ class Scenes(BaseModel):
     )
 
 
-class AtTheEnd(BaseModel):
-    """Whom and what jobs may name for their ends."""
+class TargetNames(BaseModel):
+    """The targets of notifications, by the names that the farm's operator gives them."""
 
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"], "commands": ["movie"]})
-    )
+    model_config = ConfigDict(json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"]}))
 
-    targets: list[str] = Field(description="of notifications, which `notify` may name")
+    targets: list[str] = Field(description="which `notify` may name")
     always: list[str] = Field(description="those that are notified of every job")
-    commands: list[str] = Field(description="which `then` may name")
 
 
 class SceneFound(SceneView):

@@ -71,14 +71,6 @@ def submit(
             "whole batch, has ended; may be repeated.",
         ),
     ] = None,
-    then: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Command, named by the farm's operator, that is started once the job has ended, "
-            "in whichever state; may be repeated.",
-        ),
-    ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
@@ -94,9 +86,9 @@ def submit(
     """
     from plateau.commands.batches import submit as submit_batch
     from plateau.commands.jobs import submit as run
-    from plateau.commands.webhooks import with_names, with_webhook
+    from plateau.commands.webhooks import with_targets, with_webhook
 
-    spec = with_names(with_webhook(spec, webhook, webhook_event or ()), notify=notify, then=then)
+    spec = with_targets(with_webhook(spec, webhook, webhook_event or ()), notify)
     if zipped and not each:
         raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:

@@ -8,7 +8,7 @@ from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.usage import Grouping
 from plateau.farm.model.worker import RefusedProcess
 from plateau.farm.wire.usage_views import Usage
-from plateau.farm.wire.views import AtTheEnd, Scenes, SceneView, Workers, WorkerView
+from plateau.farm.wire.views import Scenes, SceneView, TargetNames, Workers, WorkerView
 from plateau.farm.wire.webhook_views import Deliveries
 
 
@@ -89,9 +89,9 @@ class FarmCalls(Calls):
         """The stored scenes; `Client.submit` takes one by its SHA-256."""
         return self._transport.read(Scenes, "/v1/scenes").scenes
 
-    def targets(self) -> AtTheEnd:
-        """The targets of notifications, and the commands, that a spec may name."""
-        return self._transport.read(AtTheEnd, "/v1/targets")
+    def targets(self) -> TargetNames:
+        """The targets of notifications that a spec may name."""
+        return self._transport.read(TargetNames, "/v1/targets")
 
 
 class WebhookCalls(Calls):

@@ -37,20 +37,20 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
         raise CommandFailed(f"{name}: {input_errors.message(found)}") from None
 
 
-def with_names(spec: JobSpec, **fields: Sequence[str] | None) -> JobSpec:
-    """The spec with these names that the operator gives: of targets, and of commands."""
-    given = {field: tuple(names) for field, names in fields.items() if names}
+def with_targets(spec: JobSpec, names: Sequence[str] | None) -> JobSpec:
+    """The spec with these targets of notifications, where there are any."""
+    if not names:
+        return spec
     try:
-        found = JobSpec.model_validate(given)
+        asked = JobSpec.model_validate({"notify": tuple(names)})
     except ValidationError as error:
-        first = error.errors()[0]
-        raise CommandFailed(f"--{first['loc'][0]}: {input_errors.message(first)}") from None
-    return spec.model_copy(update={field: getattr(found, field) for field in given})
+        raise CommandFailed(f"--notify: {input_errors.message(error.errors()[0])}") from None
+    return spec.model_copy(update={"notify": asked.notify})
 
 
 def undelivered(client: Client, job: JobView) -> list[str]:
     """A line for each message about the job that was tried and not delivered."""
-    if job.spec.webhook is None and not job.spec.notify and not job.spec.then:
+    if job.spec.webhook is None and not job.spec.notify:
         return []
     return [
         f"{one.number} ({_what(one)}): {one.state.replace('-', ' ')} after {_tries(one)}, "
@@ -92,8 +92,7 @@ def _row(one: Delivery) -> tuple[str, ...]:
 
 
 def _what(one: Delivery) -> str:
-    receiver = one.target or one.command
-    return one.event if receiver is None else f"{one.event} → {receiver}"
+    return one.event if one.target is None else f"{one.event} → {one.target}"
 
 
 def _tries(one: Delivery) -> str:

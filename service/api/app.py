@@ -19,7 +19,6 @@ from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.costs import Price
@@ -76,7 +75,6 @@ def create_app(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
-    commands: AllowedCommands | None = None,
     placing: Placing | None = None,
     price: Price | None = None,
 ) -> FastAPI:
@@ -126,7 +124,6 @@ def create_app(
         workers=Workers(client),
         receivers=Receivers(webhook_allow),
         targets=targets or Targets(),
-        commands=commands or AllowedCommands(),
         placing=placing or Placing(),
         price=price,
     )

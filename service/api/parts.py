@@ -18,7 +18,6 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
@@ -50,7 +49,6 @@ class Parts:
     workers: Workers
     receivers: Receivers  #: of webhooks
     targets: Targets  #: of notifications
-    commands: AllowedCommands  #: that jobs may start at their ends
     price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:

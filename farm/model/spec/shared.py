@@ -42,9 +42,6 @@ Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
 #: The most jobs and batches that a job waits for.
 MOST_AFTER: Final = 16
 
-#: The most commands that a job starts.
-MOST_THEN: Final = 4
-
 After = Annotated[
     tuple[Annotated[str, Field(min_length=1, max_length=100)], ...],
     Field(max_length=MOST_AFTER),
@@ -178,11 +175,6 @@ class SharedSpec(Strict):
         default=(),
         description="names of targets that are notified when the job, or the whole of its batch, "
         "has ended; the farm's operator names them",
-    )
-    then: Annotated[Tags, Field(max_length=MOST_THEN)] = Field(
-        default=(),
-        description="names of commands, which the farm's operator allows: each is started when the "
-        "job has ended, in whichever state, and its results are written",
     )
 
     @model_validator(mode="after")

@@ -45,17 +45,6 @@ class SettleDelivery(Command[Literal["settled", "lost"]]):
     status: int | None
     error: str
     ms: int  #: that it took
-    words: str | None = None  #: of a command that was started, for the job's event
-
-
-@dataclass(frozen=True, kw_only=True)
-class RenewDelivery(Command[bool]):
-    """Keep the lease on a delivery; answers whether it is this token's."""
-
-    job: str
-    number: int
-    token: str
-    lease_ms: int
 
 
 @dataclass(frozen=True, kw_only=True)

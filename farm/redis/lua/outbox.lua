@@ -26,12 +26,6 @@ local function receiver_of(id, number)
       or redis.call('HGET', job_key(id), 'webhook_receiver')
 end
 
--- The name of the command that a delivery starts; nil for one to a receiver.
-function Outbox.command_of(id, number)
-  local receiver = receiver_of(id, number) or ''
-  return string.sub(receiver, 1, #STARTED) == STARTED and string.sub(receiver, #STARTED + 1) or nil
-end
-
 -- A receiver is due when the first of its deliveries is.
 local function reschedule(receiver)
   local first = redis.call('ZRANGE', Outbox.due_key(receiver), 0, 0, 'WITHSCORES')
@@ -113,20 +107,15 @@ local function whole_batch(name)
 end
 
 -- The targets of notifications hear of a job whose results are written. Of a batch they hear when all of it
--- is done, and of each job that failed. Commands are started for each job.
-local function tell_at_the_end(id)
-  local job = redis.call('HMGET', job_key(id), 'notify', 'then', 'batch', 'state')
-  local targets, commands = job[1] or '', job[2] or ''
-  if targets == '' and commands == '' then return end
-  local in_batch = (job[3] or '') ~= ''
-  local batch = in_batch and whole_batch(job[3]) or nil
-  if not in_batch or batch or job[4] == 'failed' then
-    for target in string.gmatch(targets, '%S+') do
-      put_into_outbox(id, NOTIFIED .. target, 'finished', batch)
-    end
-  end
-  for command in string.gmatch(commands, '%S+') do
-    put_into_outbox(id, STARTED .. command, 'finished', batch)
+-- is done, and of each job that failed.
+local function tell_targets(id)
+  local job = redis.call('HMGET', job_key(id), 'notify', 'batch', 'state')
+  if not job[1] then return end
+  local in_batch = (job[2] or '') ~= ''
+  local batch = in_batch and whole_batch(job[2]) or nil
+  if in_batch and not batch and job[3] ~= 'failed' then return end
+  for target in string.gmatch(job[1], '%S+') do
+    put_into_outbox(id, NOTIFIED .. target, 'finished', batch)
   end
 end
 
@@ -140,6 +129,6 @@ end
 function Outbox.fill()
   for i = 1, #happened, 2 do
     tell_webhook(happened[i], happened[i + 1])
-    if happened[i + 1] == 'finished' then tell_at_the_end(happened[i]) end
+    if happened[i + 1] == 'finished' then tell_targets(happened[i]) end
   end
 end

@@ -10,7 +10,6 @@ from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
 from plateau.farm.model.spec.shot import LEAST_SIDE
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands, UnknownCommand
 from plateau.farm.process.notify_targets import Targets, UnknownTarget
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
@@ -110,15 +109,6 @@ def with_targets(spec: AnySpec, targets: Targets) -> AnySpec:
         return spec.model_copy(update={"notify": targets.with_always(spec.notify)})
     except UnknownTarget as unknown:
         raise invalid_field(problems.INVALID_SPEC, "spec.notify", str(unknown)) from unknown
-
-
-def check_commands(spec: SharedSpec, commands: AllowedCommands) -> None:
-    """Refuse a command that the operator does not allow."""
-    for name in spec.then:
-        try:
-            commands.named(name)
-        except UnknownCommand as unknown:
-            raise invalid_field(problems.INVALID_SPEC, "spec.then", str(unknown)) from unknown
 
 
 def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:

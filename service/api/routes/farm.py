@@ -13,12 +13,12 @@ from plateau.farm.model.spec import JobSpec, RenderVariant
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import (
-    AtTheEnd,
     DemandView,
     Health,
     ProblemTypeView,
     Scenes,
     SceneView,
+    TargetNames,
     Workers,
     worker_view,
 )
@@ -122,13 +122,11 @@ def list_scenes(farm: Farm) -> Scenes:
 
 
 @router.get("/v1/targets", responses=documented())
-def list_targets(farm: Farm) -> AtTheEnd:
-    """List the targets of notifications, and the commands, that the farm's operator has named."""
+def list_targets(farm: Farm) -> TargetNames:
+    """List the targets of notifications that the farm's operator has named."""
     targets = farm.targets
-    return AtTheEnd(
-        targets=sorted({*targets.urls} - {*targets.always}),
-        always=sorted(targets.always),
-        commands=sorted(farm.commands.words),
+    return TargetNames(
+        targets=sorted({*targets.urls} - {*targets.always}), always=sorted(targets.always)
     )
 
 

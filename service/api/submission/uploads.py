@@ -34,7 +34,6 @@ from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
 from plateau.service.api.problems.spec_checks import (
-    check_commands,
     check_film_sizes,
     check_seeds,
     check_webhook,
@@ -90,7 +89,6 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
             asked = await _submission(form, idempotency_key(request))
             farm = parts_of(request)
             check_webhook(asked.spec, farm.receivers)
-            check_commands(asked.spec, farm.commands)
             yield replace(asked, spec=with_targets(asked.spec, farm.targets))
     except OSError as error:
         raise Problem(

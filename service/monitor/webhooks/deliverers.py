@@ -20,7 +20,6 @@ from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands, read_commands
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
@@ -32,7 +31,6 @@ from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.wire.costs import Price
 from plateau.farm.wire.webhook_views import message
-from plateau.service.monitor.webhooks.commands import Commands
 from plateau.service.monitor.webhooks.notifications import Notifications, NotNotified
 from plateau.service.monitor.webhooks.requests import (
     TOTAL_S,
@@ -46,7 +44,6 @@ _LOG = logging.getLogger(__name__)
 
 _MOST: Final = 16  #: deliveries under way at once,
 _MOST_TO_ONE: Final = 2  #: those to one receiver,
-_MOST_COMMANDS: Final = 4  #: commands,
 _MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the last time
 _MOST_REMEMBERED: Final = 10_000  #: silent receivers
 
@@ -68,7 +65,6 @@ def delivering(settings: Settings, store: Blobs | None = None) -> Iterator[None]
         Wake(client, keys.WAKE_WEBHOOKS),
         Requests(receivers),
         notifications=_notifications(settings, client, store),
-        commands=Commands(read_commands(settings), settings.page_url),
         lease_s=_LEASE_S,
     )
     threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
@@ -102,8 +98,6 @@ class Deliverer:
         Sends the messages to webhooks.
     notifications
         Sends those to the targets of notifications.
-    commands
-        Starts the commands of jobs' ends.
     lease_s
         Seconds after which an unrecorded try counts as lost.
     delay_s
@@ -120,7 +114,6 @@ class Deliverer:
         requests: Requests,
         *,
         notifications: Notifications | None = None,
-        commands: Commands | None = None,
         lease_s: float,
         delay_s: Callable[[int, float], float] = retry_delay_s,
         look_s: float = _LOOK_S,
@@ -129,7 +122,6 @@ class Deliverer:
         self._wake = wake
         self._requests = requests
         self._notifications = notifications or Notifications()
-        self._commands = commands or Commands(AllowedCommands())
         self._lease_s = lease_s
         self._delay_s = delay_s
         self._look_s = look_s
@@ -174,11 +166,6 @@ class Deliverer:
     def _busy(self) -> set[str]:
         """The receivers that get no further delivery for now."""
         busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
-        started = sum(
-            count for one, count in self._under_way.items() if one.startswith(keys.STARTED)
-        )
-        if started >= _MOST_COMMANDS:
-            busy |= {keys.STARTED + name for name in self._commands.allowed.words}
         to_silent = [one for one in self._under_way if one in self._silent]
         if len(to_silent) >= _MOST_TO_SILENT:
             return busy | self._silent.keys()
@@ -213,9 +200,6 @@ class Deliverer:
                 del self._under_way[receiver]
 
     def _deliver(self, taken: Taken) -> None:
-        if taken.command is not None:
-            self._start_command(taken)
-            return
         started = time.monotonic()
         answer, error = self._tried(taken)
         self._remember(taken.receiver, silent=answer is None and bool(error))
@@ -226,36 +210,6 @@ class Deliverer:
         delay_s = self._delay_s(taken.tries, asked_s) if end == "failed" else 0.0
         settled = self._settle(taken, end, status, error, took_s, delay_s)
         _report(taken, end, error, took_s, delay_s, settled=settled)
-
-    def _start_command(self, taken: Taken) -> None:
-        """Run a command; it is tried again only where it did not come to its end here."""
-        started = time.monotonic()
-        ran = self._commands.run(taken, self._keeping(taken))
-        end: TryEnd = "delivered" if not ran.error else "given-up"
-        if ran.again and taken.tries < MOST_TRIES:
-            end = "failed"
-        took_s = time.monotonic() - started
-        delay_s = self._delay_s(taken.tries, 0.0) if end == "failed" else 0.0
-        settled = self._settle(taken, end, ran.exit_code, ran.error, took_s, delay_s, ran.words)
-        _report(taken, end, ran.error, took_s, delay_s, settled=settled)
-
-    def _keeping(self, taken: Taken) -> Callable[[], str]:
-        """A function that keeps the lease, and says why a command may not continue, if so."""
-        renewed = time.monotonic()
-
-        def why_not() -> str:
-            nonlocal renewed
-            if self._over.is_set():
-                return "the monitor stops"
-            if time.monotonic() < renewed + self._lease_s / 3:
-                return ""
-            renewed = time.monotonic()
-            try:
-                return "" if self._outbox.renew(taken, self._lease_s) else "another monitor has it"
-            except StoreUnavailable:
-                return ""  # the lease may last; if not, the next call knows
-
-        return why_not
 
     def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
         """Send the message; returns the answer, if any, and the error unless it was delivered."""
@@ -294,7 +248,6 @@ class Deliverer:
         error: str,
         took_s: float,
         delay_s: float,
-        words: str | None = None,
     ) -> bool:
         """Record the outcome, retrying while the lease lasts; False if the lease was lost."""
         ends = time.monotonic() + self._lease_s
@@ -302,13 +255,7 @@ class Deliverer:
         while True:
             try:
                 return self._outbox.settle(
-                    taken,
-                    end,
-                    status=status,
-                    error=error,
-                    took_s=took_s,
-                    delay_s=delay_s,
-                    words=words,
+                    taken, end, status=status, error=error, took_s=took_s, delay_s=delay_s
                 )
             except StoreUnavailable:
                 if time.monotonic() > ends or self._over.wait(backoff.delay_s()):

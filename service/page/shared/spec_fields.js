@@ -91,18 +91,16 @@ export const PLACES = {};
 /** @type {FieldAbout[]} */
 export const AT_ITS_END = [
   { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
-  { name: "then", label: "Then", help: "Commands that the farm's operator allows, by their names, separated by commas. They are started at its end." },
 ];
 
 /**
- * Offers what the farm's operator has named; without names, the fields take text.
- * @param {{ targets: string[], commands: string[] }} named
+ * Offers the targets that the farm's operator has named; without any, the field takes text.
+ * @param {{ targets: string[] }} named
  */
-export function offer({ targets, commands }) {
-  const [notify, then] = AT_ITS_END;
-  for (const [field, names, help] of /** @type {[FieldAbout, string[], string][]} */ ([
-    [notify, targets, "Who hears of its end."], [then, commands, "What is started at its end."],
-  ])) if (names.length) Object.assign(field, { choices: Object.fromEntries(names.map((one) => [one, one])), help: `${help} Several with Ctrl or Shift.` });
+export function offer({ targets }) {
+  if (!targets.length) return;
+  const choices = Object.fromEntries(targets.map((one) => [one, one]));
+  Object.assign(AT_ITS_END[0], { choices, help: "Who hears of its end. Several with Ctrl or Shift." });
 }
 
 /** @type {FieldAbout[]} */

@@ -45,7 +45,7 @@ export class SpecForm {
       (this.#details = h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
         h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
-        h("fieldset", {}, h("legend", {}, "Who hears of it, and what comes then?"), h("div", { class: "fields" }, this.#atItsEnd.elements, this.#webhook.elements)),
+        h("fieldset", {}, h("legend", {}, "Who hears of it?"), h("div", { class: "fields" }, this.#atItsEnd.elements, this.#webhook.elements)),
         h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
           Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
         h("div", { class: "fields small" }, this.#exr.elements),

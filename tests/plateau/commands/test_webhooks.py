@@ -159,9 +159,3 @@ class TestNotify:
         assert (code, "there is no target 'ops'" in error) == (1, True)
         code, _, error = plateau("submit", box, "--notify", "https://studio.example")
         assert (code, "--notify: " in error) == (1, True)
-
-    def test_and_commands(self, box: str) -> None:
-        code, _, error = plateau("submit", box, "--then", "movie")
-        assert (code, "there is no command 'movie'" in error) == (1, True)
-        code, _, error = plateau("submit", box, "--then", "rm -rf")
-        assert (code, "--then: " in error) == (1, True)

@@ -405,14 +405,6 @@ def _(world: World) -> Callable[[], object]:
     )
 
 
-@case("renew_delivery", again=True, writes_only_times=True)
-def _(world: World) -> Callable[[], object]:
-    world.job(webhook=True)
-    taken = Outbox(world.direct).take(LEASE_S)
-    assert taken is not None
-    return lambda: world.outbox.renew(taken, LEASE_S)
-
-
 @case("forget", "missing")
 def _(world: World) -> Callable[[], object]:
     job = world.finished()

@@ -4,8 +4,7 @@ local function lease(id, number, receiver, it)
     local why = 'the monitor that tried it was lost, or was cut off from Redis'
     Outbox.note_delivery(id, number, '', why, '')
   end
-  redis.call('HSET', deliveries, number .. ' token', it.token)
-  if not Outbox.command_of(id, number) then redis.call('HSET', deliveries, 'trying until', ends) end
+  redis.call('HSET', deliveries, number .. ' token', it.token, 'trying until', ends)
   Outbox.deliver_at(id, number, ends)
   local hook = redis.call('HMGET', job_key(id, 'webhook'), 'url', 'secret')
   local sealed = redis.call('HMGET', job_key(id, 'sealed'), 'owner', 'owner_name')
@@ -19,7 +18,7 @@ local function lease(id, number, receiver, it)
 end
 
 -- Lease the first due delivery to a receiver that is not busy. Deliveries of a job are tried one at a time,
--- in the order in which they are due; a command delays no message, and none delays it.
+-- in the order in which they are due.
 -- Returns the delivery, or nothing where none is due.
 function for_farm.take_delivery(it)
   local busy = {}
@@ -30,7 +29,7 @@ function for_farm.take_delivery(it)
       for _, member in ipairs(due) do
         local id, number = string.match(member, '^(.+):(%d+)$')
         local until_ms = redis.call('HGET', job_key(id, 'deliveries'), 'trying until')
-        if not until_ms or tonumber(until_ms) <= tonumber(now()) or Outbox.command_of(id, number) then
+        if not until_ms or tonumber(until_ms) <= tonumber(now()) then
           return lease(id, number, receiver, it)
         end
       end
@@ -51,12 +50,7 @@ function for_farm.settle_delivery(it)
   end
   count('webhook tries ' .. it['end'])
   Outbox.note_delivery(id, number, it.status or '', it.error, it.ms)
-  local command = Outbox.command_of(id, number)
-  redis.call('HDEL', deliveries, number .. ' token')
-  if not command then redis.call('HDEL', deliveries, 'trying until') end
-  if command and it['end'] ~= 'failed' then
-    Outbox.announce(id, 'command', {name = command, exit_code = it.status, words = it.words or ''})
-  end
+  redis.call('HDEL', deliveries, number .. ' token', 'trying until')
   if it['end'] == 'failed' then
     Outbox.deliver_at(id, number, string.format('%.3f', now() + it.delay_ms))
   else
@@ -64,15 +58,6 @@ function for_farm.settle_delivery(it)
     Outbox.deliver_no_more(id, number)
   end
   return 'settled'
-end
-
--- A monitor that tries a delivery for long keeps its lease.
--- Returns whether it has it.
-function for_farm.renew_delivery(it)
-  local id, number = it.job, it.number
-  if redis.call('HGET', job_key(id, 'deliveries'), number .. ' token') ~= it.token then return false end
-  Outbox.deliver_at(id, number, string.format('%.3f', now() + it.lease_ms))
-  return true
 end
 
 -- Have a delivery tried now, with a fresh count of tries; one that is being tried is left alone.

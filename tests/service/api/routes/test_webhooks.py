@@ -237,7 +237,7 @@ def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
         assert found["errors"][0]["field"] == "spec.notify"
         assert "names: lead, ops" in found["detail"]
         named = lab.get("/v1/targets")
-        assert named.json() == {"targets": ["lead"], "always": ["ops"], "commands": []}
+        assert named.json() == {"targets": ["lead"], "always": ["ops"]}
         with Client(url) as ours:
             assert ours.targets().targets == ["lead"]
         assert "secret" not in found["detail"] + answer.text + named.text
