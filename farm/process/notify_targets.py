@@ -1,4 +1,4 @@
-"""The targets of notifications: names that the farm's operator gives to URLs of apprise."""
+"""The targets of notices: names that the farm's operator gives to URLs of apprise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ _NAME: Final = TypeAdapter(PlaceName)
 
 
 class BadTargets(FarmError):
-    """The settings of notifications cannot be used; the message shows no URL."""
+    """The settings of targets cannot be used; the message shows no URL."""
 
 
 class UnknownTarget(FarmError):

@@ -201,13 +201,13 @@ class Settings(BaseSettings):
     )
     webhook_allow: Annotated[tuple[str, ...], NoDecode] = Field(
         (),
-        description="networks and host names, separated by commas, that may be sent webhooks "
+        description="networks and host names, separated by commas, that may be sent notices "
         "though they are private, by http too",
     )
     notify_file: _File = Field(
         None,
         repr=False,
-        description="a file with the targets of notifications, for the API and the monitors: "
+        description="a file with the targets of notices, for the API and the monitors: "
         "lines of a name, a blank and a URL of apprise",
     )
     notify: Annotated[Tags, NoDecode] = Field(

@@ -45,7 +45,7 @@ _NAMESPACES: Final = {
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
-    *("jobs", "visibility", "owners", "batches", "shots", "scenes", "sweeps", "webhooks"),
+    *("jobs", "visibility", "owners", "batches", "shots", "scenes", "sweeps", "notices"),
     *("members", "api_keys", "studies", "census", "troubles"),
 )
 

@@ -43,7 +43,7 @@ def report_html(
     """
     name = escape(job.name)
     # Readers of the report need not know whom the farm notifies.
-    spec = job.spec.model_dump(mode="json", exclude={"webhook"})
+    spec = job.spec.model_dump(mode="json", exclude={"notice"})
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">

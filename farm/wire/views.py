@@ -45,7 +45,7 @@ class JobView(Job):
         None, description="in words, why it cannot be known when a queued job will start"
     )
     cost: Cost | None = Field(
-        None, description="in money; null where the service has no price, and in webhooks"
+        None, description="in money; null where the service has no price, and in notices"
     )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
@@ -204,11 +204,11 @@ class Scenes(BaseModel):
 
 
 class TargetNames(BaseModel):
-    """The targets of notifications, by the names that the farm's operator gives them."""
+    """The targets of notices, by the names that the farm's operator gives them."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"]}))
 
-    targets: list[str] = Field(description="which `notify` may name")
+    targets: list[str] = Field(description="which a job's `notice` may name")
     always: list[str] = Field(description="those that are notified of every job")
 
 
@@ -285,11 +285,11 @@ def job_view(
     """The job as the API shows it.
 
     `waits_for` names the worker that it lacks, or the jobs that it comes after. Only its owner sees
-    the path of its webhook, which is often a secret. Without a `price`, it shows no money. Of a
-    queued job, `start` says when it will start, or why that cannot be known.
+    the path of its notice's URL, which is often a secret. Without a `price`, it shows no money. Of
+    a queued job, `start` says when it will start, or why that cannot be known.
     """
-    if job.spec.webhook is not None and not to_owner:
-        spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
+    if job.spec.notice.url is not None and not to_owner:
+        spec = job.spec.model_copy(update={"notice": job.spec.notice.hidden()})
         job = job.model_copy(update={"spec": spec})
     root = f"/v1/jobs/{job.id}"
     links = {
@@ -317,7 +317,6 @@ def job_view(
         "retry": f"{root}/retry",
         "continue": f"{root}/continue",
         "rejudge": f"{root}/rejudge",
-        "webhooks": f"{root}/webhooks",
     }
     return JobView(
         **job.model_dump(),

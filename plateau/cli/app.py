@@ -57,7 +57,6 @@ _EXTRAS: Final = {
     "redis-acl": "farm",
     "scale": "farm",
     "study": "plot",
-    "webhooks": "farm",
     "worker": "worker",
 }
 

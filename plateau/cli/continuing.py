@@ -65,9 +65,9 @@ def retry(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
       plateau retry 3f9ac2d01b77
       plateau watch $(plateau retry 3f9ac2d01b77) -o out
 
-    The new job has the same scene and spec, without the webhook. The workers on which tries of the
-    old one failed are blocked for it; `plateau show` says so if no other lives, and `plateau block
-    WORKER --job ID --undo` lets one render it again.
+    The new job has the same scene and spec, without the notice's URL. The workers on which tries of
+    the old one failed are blocked for it; `plateau show` says so if no other lives, and `plateau
+    block WORKER --job ID --undo` lets one render it again.
     """
     from plateau.commands.jobs import retry as run
 
@@ -86,7 +86,7 @@ def resubmit(
       plateau watch $(plateau resubmit 3f9ac2d01b77 --rule jod) -o out
 
     The new job begins with no sample. Options that are not given are as in the old job, but for the
-    webhook and the jobs that it waited for. `plateau continue` keeps the samples.
+    notice's URL and the jobs that it waited for. `plateau continue` keeps the samples.
     """
     from plateau.commands.jobs import resubmit as run
 

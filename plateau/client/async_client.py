@@ -142,7 +142,6 @@ class AsyncClient:
     log = _awaited(Client.log)
     pause = _awaited(Client.pause)
     pause_batch = _awaited(Client.pause_batch)
-    redeliver = _awaited(Client.redeliver)
     refused = _awaited(Client.refused)
     rejudge = _awaited(Client.rejudge)
     restore = _awaited(Client.restore)
@@ -164,7 +163,6 @@ class AsyncClient:
     usage = _awaited(Client.usage)
     usage_csv = _awaited(Client.usage_csv)
     wait_for_batch = _awaited(Client.wait_for_batch)
-    webhooks = _awaited(Client.webhooks)
     whole_id = _awaited(Client.whole_id)
     workers = _awaited(Client.workers)
 

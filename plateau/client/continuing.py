@@ -65,8 +65,8 @@ class ContinuingCalls(Calls):
     def retry(self, job_id: str, *, idempotency_key: str = "") -> JobView:
         """Try the ended job again on other workers; returns the new job.
 
-        It has the same scene and spec, without the webhook. The workers on which tries of the old
-        one failed are blocked for it.
+        It has the same scene and spec, without the notice's URL. The workers on which tries of the
+        old one failed are blocked for it.
 
         Raises
         ------
@@ -80,8 +80,8 @@ class ContinuingCalls(Calls):
     ) -> JobView:
         """Submit the scene of a job again; returns the new job, which begins with no sample.
 
-        Its spec is that of the old job, without the webhook; it waits for no other job, and is no
-        frame of a shot.
+        Its spec is that of the old job, without the notice's URL; it waits for no other job, and is
+        no frame of a shot.
 
         Parameters
         ----------
@@ -103,7 +103,8 @@ class ContinuingCalls(Calls):
             A field of the spec is unknown, or its value is not allowed.
         """
         job = self._transport.read(JobView, f"/v1/jobs/{job_id}")
-        fields = job.spec.model_dump(mode="json", exclude={"webhook", "after", "shot"})
+        left_out: Any = {"notice": {"url"}, "after": True, "shot": True}
+        fields = job.spec.model_dump(mode="json", exclude=left_out)
         for name, value in (changes or {}).items():
             merged = name in _MERGED and isinstance(value, dict)
             fields[name] = {**fields[name], **value} if merged else value

@@ -10,7 +10,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.visibility import Visibilities
@@ -45,10 +44,9 @@ class Parts:
     checks: SceneChecks
     placing: Placing  #: scenes where they lie
     hub: EventHub
-    outbox: Outbox
     workers: Workers
-    receivers: Receivers  #: of webhooks
-    targets: Targets  #: of notifications
+    receivers: Receivers  #: of notices
+    targets: Targets
     price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:

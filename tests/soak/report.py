@@ -28,7 +28,7 @@ class Found:
     cancelled: int
     struck: Mapping[str, int]  #: faults by kind
     calls: int  #: of the API, by users
-    messages: int  #: that a receiver of webhooks got
+    messages: int  #: that a receiver of notices got
     orphans: int
     watch: Watch
 
@@ -40,7 +40,7 @@ def write(found: Found) -> None:
         *_counts("jobs", {**found.compared, "cancelled": found.cancelled}),
         *_counts("faults", found.struck),
         Figure(name=_CALLS, value=found.calls, unit="calls"),
-        Figure(name="messages of webhooks", value=found.messages, unit="messages"),
+        Figure(name="notices", value=found.messages, unit="messages"),
         Figure(name="blobs put and not committed, swept", value=found.orphans, unit="blobs"),
         *(one for role in found.watch.series for one in _held(found.watch, role)),
     ]
@@ -90,7 +90,7 @@ def tables(report: Mapping[str, Any]) -> dict[str, str]:
         ["jobs checked", f"{sum(jobs.values()):g}: {_listed(jobs)}"],
         ["faults", f"{sum(faults.values()):g}: {_listed(faults)}"],
         ["users' calls of the API", f"{found[_CALLS]:g}"],
-        ["messages that a receiver got", f"{found['messages of webhooks']:g}"],
+        ["notices that a receiver got", f"{found['notices']:g}"],
     ]
     return {
         "soak": markdown.table(["", ""], rows),

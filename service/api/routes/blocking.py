@@ -79,15 +79,16 @@ def retry_job(
     """Try an ended job again on other workers, as a new job.
 
     The new job has the same scene and spec. The workers on which tries of the old one failed are
-    blocked for it; `waits_for` says so where no other lives. It does not inherit the webhook, waits
-    for no other job, and is no frame of a shot.
+    blocked for it; `waits_for` says so where no other lives. It does not inherit the notice's URL,
+    waits for no other job, and is no frame of a shot.
     """
     old = farm.job(job_id)
     if not old.state.ended:
         raise JobNotEnded(old.id, old.state.value)
     failed = {one.worker for one in farm.jobs.log(old.id) if one.what in _AT_FAULT}
     blocked = sorted({*old.spec.blocked, *failed})[:MOST_BLOCKED]
-    changed = {"blocked": tuple(blocked), "webhook": None, "after": (), "shot": None}
+    notice = old.spec.notice.model_copy(update={"url": None})
+    changed = {"blocked": tuple(blocked), "notice": notice, "after": (), "shot": None}
     spec = old.spec.model_copy(update=changed)
     created = farm.jobs.create(
         spec,

@@ -21,10 +21,9 @@ from plateau.service.api.parts import Farm
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
 from plateau.service.api.problems.spec_checks import (
-    check_webhook,
     invalid_field,
     invalid_spec,
-    with_targets,
+    with_notice,
 )
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
@@ -103,8 +102,7 @@ class Asker:
         except ValidationError as error:
             raise invalid_spec(error) from error
         spec = fitted(wanted, keep_slices=True)
-        check_webhook(spec, self.farm.receivers)
-        spec = with_targets(spec, self.farm.targets)
+        spec = with_notice(spec, self.farm.receivers, self.farm.targets)
         check_names(spec)
         check_alone(spec)
         check(job, remains, spec)
@@ -128,9 +126,9 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
     If the old job kept its slices, they are judged anew, so the view, step and zones may change
     too. Otherwise the new job continues from the sums, which are kept for PLATEAU_KEEP_SUMS_DAYS.
-    The new job does not inherit the batch, the webhook, the targets of notifications and `after`.
-    A cap with which scalar_rgb would have drawn other samples is refused; the detail names the caps
-    that continue the same samples.
+    The new job does not inherit the batch, the notice and `after`. A cap with which scalar_rgb
+    would have drawn other samples is refused; the detail names the caps that continue the same
+    samples.
     """
     return asker.start(*asker.look_at(job_id), changes.root)
 

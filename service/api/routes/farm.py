@@ -18,7 +18,6 @@ from plateau.farm.wire.views import (
     ProblemTypeView,
     Scenes,
     SceneView,
-    TargetNames,
     Workers,
     worker_view,
 )
@@ -118,15 +117,6 @@ def list_scenes(farm: Farm) -> Scenes:
     return Scenes(
         scenes=[SceneView(**scene) for scene in farm.scenes.all()],
         roots=[root.name for root in farm.placing.roots],
-    )
-
-
-@router.get("/v1/targets", responses=documented())
-def list_targets(farm: Farm) -> TargetNames:
-    """List the targets of notifications that the farm's operator has named."""
-    targets = farm.targets
-    return TargetNames(
-        targets=sorted({*targets.urls} - {*targets.always}), always=sorted(targets.always)
     )
 
 

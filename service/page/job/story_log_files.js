@@ -64,8 +64,10 @@ export class Records {
   show(job) {
     this.#job = job;
     this.#showFiles(job);
-    this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
-    this.#notes.hidden = !job.notes.length;
+    const untold = job.notices.filter(({ state }) => state !== "delivered").map(({ to, state, error }) =>
+      `The notice to ${to} ${state === "waiting" ? "is not delivered yet" : "was given up"}${error ? `: ${error}` : "."}`);
+    this.#notes.replaceChildren(...[...job.notes, ...untold].map((note) => h("li", {}, note)));
+    this.#notes.hidden = !this.#notes.childElementCount;
     setText(this.#spec, JSON.stringify(job.spec, null, 2));
     this.#fetch();
   }

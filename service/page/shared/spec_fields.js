@@ -88,9 +88,11 @@ export const WORKERS = [
  */
 export const PLACES = {};
 
-/** @type {FieldAbout[]} */
-export const AT_ITS_END = [
-  { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
+/** Who hears of its end. @type {FieldAbout[]} */
+export const NOTICE = [
+  { name: "targets", label: "Notify", help: "Targets that the farm's operator has named, separated by commas." },
+  { name: "url", label: "URL", placeholder: "https://…", help: "A signed message is sent there. Empty: none." },
+  { name: "secret", label: "Its secret" },
 ];
 
 /**
@@ -100,15 +102,8 @@ export const AT_ITS_END = [
 export function offer({ targets }) {
   if (!targets.length) return;
   const choices = Object.fromEntries(targets.map((one) => [one, one]));
-  Object.assign(AT_ITS_END[0], { choices, help: "Who hears of its end. Several with Ctrl or Shift." });
+  Object.assign(NOTICE[0], { choices, help: "Several with Ctrl or Shift." });
 }
-
-/** @type {FieldAbout[]} */
-export const WEBHOOK = [
-  { name: "url", label: "Webhook", placeholder: "https://…", optional: true, help: "A message is sent there for each event. Empty: none." },
-  { name: "events", label: "Its events" },
-  { name: "secret", label: "Its secret" },
-];
 
 /**
  * Completes the fields by the service's schema of a spec.
@@ -117,9 +112,9 @@ export const WEBHOOK = [
 export function describe(schema) {
   const parts = schema.$defs ?? {};
   Object.assign(PLACES, parts.ViewSpec?.["x-places"]);
-  for (const fields of [LIMITS, MORE, WORKERS, AT_ITS_END]) complete(fields, schema);
+  for (const fields of [LIMITS, MORE, WORKERS]) complete(fields, schema);
   for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
-    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [WEBHOOK, "WebhookSpec"],
+    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [NOTICE, "NoticeSpec"],
   ])) complete(fields, parts[part]);
 }
 

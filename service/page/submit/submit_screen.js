@@ -116,11 +116,11 @@ class Submission {
    * @param {Api.JobView} job
    */
   #fill({ scene_sha256: sha256, spec }) {
-    const { webhook, shot } = spec;
+    const { notice, shot } = spec;
     this.#spec.fill(spec);
     this.#given = spec.parameters;
     setText(this.#hint, ["A new job renders the same scene from its first sample on, as you ask for it below.",
-      webhook ? "The job's webhook is left out: add it, if it is to hear of the new job." : "",
+      notice.url ? "The URL of the job's notice is left out: add it, if it is to hear of the new job." : "",
       shot ? "The new job is no frame of the shot." : ""].filter(Boolean).join(" "));
     this.#hint.hidden = false;
     this.#take({ sha256 });
