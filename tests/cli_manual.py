@@ -70,13 +70,12 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "Administer a farm",
         (
-            "Keys and Redis users decide who may do what, webhooks tell other services about jobs "
-            "([notices.md](notices.md)), and `scale` runs workers in a batch system."
+            "Keys and Redis users decide who may do what, `notify` tests who hears of the ends of "
+            "jobs ([notices.md](notices.md)), and `scale` runs workers in a batch system."
         ),
         (
             *("keys create", "keys list", "keys rotate", "keys revoke"),
-            *("webhooks list", "webhooks redeliver", "webhooks secret", "notify"),
-            *("redis-acl", "scale slurm"),
+            *("redis-acl", "notify", "scale slurm"),
         ),
     ),
 )

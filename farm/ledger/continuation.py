@@ -30,7 +30,7 @@ from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.allocation import LAG
-from plateau.farm.model.spec.webhook import WebhookSpec
+from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound
@@ -40,7 +40,7 @@ from plateau.farm.redis.scripts import Scripts
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation")
 #: ... that the new job does not inherit, ...
-_OWN: Final = ("shot", "webhook", "after")
+_OWN: Final = ("shot", "notice", "after")
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
 
@@ -189,7 +189,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
-    denoising with a name replaces the whole of it. The shot, the webhook and the jobs that it came
+    denoising with a name replaces the whole of it. The shot, the notice and the jobs that it came
     after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
@@ -220,7 +220,7 @@ def _known_in(name: str, part: Any) -> Collection[str]:
     """The names that a part of a spec may have and the old job's part lacks."""
     if name == "parameters" and isinstance(part, dict):
         return part.keys()
-    return WebhookSpec.model_fields if name == "webhook" else ()
+    return NoticeSpec.model_fields if name == "notice" else ()
 
 
 def lost_by(job: Job, remains: Remains | None, spec: JobSpec) -> str | None:

@@ -5,15 +5,17 @@ import logging
 import secrets
 from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
-from plateau.farm.model.job import Again, CurvePoint, Event, Job, moment
+from plateau.farm.model.job import Again, CurvePoint, Event, Job, Notice, moment
 from plateau.farm.model.shot import FrameAnswer, FrameOfShot, FrameWait
 from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import EndedBy, JobState, outcome
 from plateau.farm.model.worker import Worker
@@ -89,13 +91,13 @@ def ask_for(pipe: Pipeline, job_id: str) -> None:
     pipe.hgetall(keys.job(job_id, "sealed"))
 
 
-def job(job_id: str, fields: dict[str, str], sealed: dict[str, str]) -> Job:
+def job(job_id: str, fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
     """A job from its hash and the one that workers cannot change; or `UnreadableJob`."""
     with reading(job_id):
         return _job(fields, sealed)
 
 
-def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
+def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
     spec, state = _spec(fields), JobState(fields["state"])
     ended_by: EndedBy | None = fields.get("ended_by")  # type: ignore[assignment]  # pydantic checks
     latest = json.loads(fields.get("latest", "{}"))
@@ -149,6 +151,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
         in_shot=frame_of_shot(fields),
+        notices=_notices(sealed),
         **times,
         deleted_at=moment(sealed["deleted_at"]) if "deleted_at" in sealed else None,
     )
@@ -194,17 +197,17 @@ def new_job(
         fields["at_once"] = spec.at_once
     if spec.budget_core_hours is not None:
         fields["budget"] = str(spec.budget_core_hours)
-    if spec.notify:
-        fields["notify"] = " ".join(spec.notify)
-    if spec.then:
-        fields["then"] = " ".join(spec.then)
-    if spec.webhook is not None:
-        secret = spec.webhook.secret
-        fields["webhook_receiver"] = spec.webhook.receiver
-        fields["webhook_events"] = f" {' '.join(spec.webhook.events)} "
-        fields["webhook_url"] = spec.webhook.url
-        fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
-    return NewJob(secrets.token_hex(6), fields)
+    return NewJob(secrets.token_hex(6), fields, _sealed(spec.notice))
+
+
+def _sealed(notice: NoticeSpec) -> dict[str, str]:
+    """Who hears of a job's end, where, and by which secret."""
+    sealed = {}
+    if notice.receivers:
+        sealed["receivers"] = " ".join(notice.receivers)
+    if notice.url is not None and notice.secret is not None:
+        sealed |= {"notice_url": notice.url, "notice_secret": notice.secret.get_secret_value()}
+    return sealed
 
 
 def frame_of_shot(fields: Mapping[str, str | None]) -> FrameOfShot | None:
@@ -221,16 +224,30 @@ def frame_of_shot(fields: Mapping[str, str | None]) -> FrameOfShot | None:
 
 def as_shot(jobs: tuple[NewJob, ...]) -> tuple[NewJob, ...]:
     """These jobs as the frames of one shot."""
-    return tuple(NewJob(job.id, {**job.fields, "shot": jobs[0].id}) for job in jobs)
+    return tuple(replace(job, fields={**job.fields, "shot": jobs[0].id}) for job in jobs)
 
 
-def _notes(fields: dict[str, str]) -> tuple[str, ...]:
+def _notes(fields: Mapping[str, str]) -> tuple[str, ...]:
     """What was changed of its spec, then those of the worker and the monitor; each once."""
     found = (json.loads(fields.get(name, "[]")) for name in ("fitted", "notes"))
     return tuple(dict.fromkeys(chain(*found)))
 
 
-def _spec(fields: dict[str, str]) -> JobSpec:
+def _notices(sealed: Mapping[str, str]) -> tuple[Notice, ...]:
+    """What became of its notices, by their receivers."""
+    return tuple(
+        _notice(receiver, json.loads(text))
+        for name, text in sorted(sealed.items())
+        if (receiver := name.removeprefix("notice ")) != name
+    )
+
+
+def _notice(receiver: str, found: dict[str, Any]) -> Notice:
+    at, error = moment(found["at"]), found.get("error")
+    return Notice(to=receiver, state=found["state"], at=at, error=error)
+
+
+def _spec(fields: Mapping[str, str]) -> JobSpec:
     """The spec as its user asked for it, with later changes."""
     spec = stored_spec(fields["spec"])
     if "priority" in fields:
@@ -263,19 +280,19 @@ def saved_core_hours(fields: Mapping[str, str | None], slice_spp: int) -> float:
     return round(core_hours(fields) * saved / samples, 9) if samples > 0 else 0.0
 
 
-def _zone_spp(fields: dict[str, str], latest: dict[str, Any], name: str) -> int | None:
+def _zone_spp(fields: Mapping[str, str], latest: dict[str, Any], name: str) -> int | None:
     """That of the final image if it has later slices than the newest point."""
     return int(fields[name]) if name in fields else latest.get(name)
 
 
-def _image_spp(fields: dict[str, str]) -> int | None:
+def _image_spp(fields: Mapping[str, str]) -> int | None:
     results = fields.get("results")
     if not results:
         return None
     return blobs.spp_of_set(results) or int(fields["spp"]) or None
 
 
-def _seconds_to(spp: int | None, latest: dict[str, Any], fields: dict[str, str]) -> float | None:
+def _seconds_to(spp: int | None, latest: dict[str, Any], fields: Mapping[str, str]) -> float | None:
     """Seconds from the last point to so many spp, at the job's mean rate."""
     if spp is None or "started_at" not in fields:
         return None

@@ -32,8 +32,8 @@ TRY_ENDS: Final = (
 #: The states at which jobs end.
 ENDS: Final = tuple(state.value for state in JobState if state.ended)
 
-#: How tries of webhook deliveries end; after ``failed``, another try follows.
-DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
+#: How tries of notices end; after ``failed``, another try follows.
+NOTICE_TRY_ENDS: Final = ("delivered", "failed", "given-up")
 
 #: A guess of a slice's time, until the farm has rendered one.
 _SLICE_MS: Final = 1000.0
@@ -82,9 +82,8 @@ class Census:
     wasted_s: float  #: of those on tries of slices of which another was committed first
     merges: Histogram  #: of one slice, its fetch included
     evaluations: Histogram  #: of a merged image by all rules of its job
-    webhooks_waiting: int  #: messages that wait for a try, or are being tried
-    webhook_tries: dict[str, int]  #: by how they ended
-    webhooks_dropped: int  #: messages that were forgotten before their delivery
+    notices_waiting: int  #: for a try, or being tried
+    notice_tries: dict[str, int]  #: by how they ended
     swept_at: float | None  #: when the last sweep ended, in s since 1970
 
     @property
@@ -156,9 +155,8 @@ def take_census(
         wasted_s=totals.get("wasted ms", 0) / 1000,
         merges=histogram(totals, "merge", MERGE_BOUNDS_S),
         evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
-        webhooks_waiting=found.webhooks,
-        webhook_tries={end: totals.get(f"webhook tries {end}", 0) for end in DELIVERY_TRY_ENDS},
-        webhooks_dropped=totals.get("webhooks dropped", 0),
+        notices_waiting=found.notices,
+        notice_tries={end: totals.get(f"notice tries {end}", 0) for end in NOTICE_TRY_ENDS},
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
 

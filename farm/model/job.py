@@ -122,6 +122,18 @@ class Again(_Record):
     )
 
 
+class Notice(_Record):
+    """What became of the notice to one of those who are to hear of a job's end."""
+
+    to: str = Field(description="a target's name, or scheme, host and port of the notice's URL")
+    state: Literal["waiting", "delivered", "given-up"] = Field(
+        description="whether it waits for its next try, or was given up: after a day, or as the "
+        "receiver answered 410"
+    )
+    at: datetime = Field(description="since when, or when its last try ended")
+    error: str | None = Field(None, description="why its last try did not deliver it")
+
+
 class Job(_Record):
     """A job: one image on its way to where more samples change nothing that a person sees."""
 
@@ -237,6 +249,9 @@ class Job(_Record):
         0, description="up to here, the points of the curve are those of the job of `again`"
     )
     in_shot: FrameOfShot | None = Field(None, description="of a frame of a shot: how it stands")
+    notices: tuple[Notice, ...] = Field(
+        (), description="what became of its notices, once its results are written"
+    )
     created_at: datetime
     started_at: datetime | None = None
     paused_at: datetime | None = Field(None, description="since when it is paused, where it is")
@@ -275,7 +290,7 @@ class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
     id: str
-    type: str = Field(description="state, image, point, slice, trouble, finished or command")
+    type: str = Field(description="state, image, point, slice, trouble or finished")
     data: dict[str, object]
     at: datetime
 

@@ -1,4 +1,4 @@
-"""Network addresses: which mean this machine, and to which the farm may send webhooks.
+"""Network addresses: which mean this machine, and to which the farm may send notices.
 
 Webhooks go to public addresses, and to those that the farm's owner names.
 
@@ -31,7 +31,7 @@ _SETTING: Final = "PLATEAU_WEBHOOK_ALLOW"
 
 
 class ReceiverRefused(Exception):
-    """The farm sends no webhook to this receiver."""
+    """The farm sends no notice to this receiver."""
 
 
 def look_up(host: str, port: int) -> list[str]:
@@ -41,7 +41,7 @@ def look_up(host: str, port: int) -> list[str]:
 
 
 class Receivers:
-    """The allowed receivers of webhooks.
+    """The allowed receivers of notices.
 
     `allow` has networks (``10.0.0.0/8``, ``192.168.1.7``) and host names that are allowed though
     they are not public, by http too. `look_up` resolves host names.

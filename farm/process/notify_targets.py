@@ -1,15 +1,21 @@
-"""The targets of notifications: names that the farm's operator gives to URLs of apprise."""
+"""The targets of notices: names that the farm's operator gives to URLs of apprise."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
 
 from plateau.farm.model.errors import FarmError
-from plateau.farm.process.named_lines import read_named_lines
+from plateau.farm.model.place_names import PlaceName
 from plateau.farm.process.settings import Settings
+
+_NAME: Final = TypeAdapter(PlaceName)
 
 
 class BadTargets(FarmError):
-    """The settings of notifications cannot be used; the message shows no URL."""
+    """The settings of targets cannot be used; the message shows no URL."""
 
 
 class UnknownTarget(FarmError):
@@ -52,8 +58,8 @@ def read_targets(settings: Settings) -> Targets:
     """
     path = settings.notify_file
     try:
-        urls = {} if path is None else read_named_lines(path, _url, "a URL of apprise")
-    except ValueError as error:
+        urls = {} if path is None else _urls(path)
+    except (OSError, ValueError) as error:
         raise BadTargets(f"PLATEAU_NOTIFY_FILE: {error}") from None
     for setting in ("notify", "notify_troubles"):
         for name in getattr(settings, setting):
@@ -62,5 +68,24 @@ def read_targets(settings: Settings) -> Targets:
     return Targets(urls, settings.notify, settings.notify_troubles)
 
 
-def _url(text: str) -> str | None:
-    return text if "://" in text else None
+def _urls(path: Path) -> dict[str, str]:
+    """The URLs of a file by their names; blank lines and those that begin with # do not count."""
+    found: dict[str, str] = {}
+    for number, line in enumerate(map(str.strip, path.read_text(encoding="utf-8").splitlines()), 1):
+        if not line or line.startswith("#"):
+            continue
+        name, _, url = line.partition(" ")
+        if not _is_name(name) or "://" not in url or name in found:
+            raise ValueError(
+                f"line {number} of {path} must be a new name, a blank and a URL of apprise"
+            )
+        found[name] = url.strip()
+    return found
+
+
+def _is_name(text: str) -> bool:
+    try:
+        _NAME.validate_python(text)
+    except ValidationError:
+        return False
+    return True

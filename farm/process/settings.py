@@ -84,8 +84,6 @@ class Settings(BaseSettings):
     notify: Annotated[Tags, NoDecode] = ()
     notify_troubles: Annotated[Tags, NoDecode] = ()
     trouble_after_s: float = Field(120.0, ge=0, le=_DAY_S)
-    commands_file: _File = Field(None, repr=False)
-    command_limit_s: float = Field(3600.0, gt=0, le=7 * _DAY_S)
     alive_file: Path | None = None
     label: str | None = Field(None, max_length=200)
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)

@@ -4,7 +4,7 @@
 user                      may
 ========================  ========================================================================
 ``plateau-worker``        the queue: leases, ledgers, reports of slices and of the workers
-``plateau-monitor``       that, and jobs, scenes, webhooks with their secrets, and the sweeps
+``plateau-monitor``       that, and jobs, scenes, notices with their secrets, and the sweeps
 ``plateau-api``           that, and batches and the use of keys; read the keys themselves
 ``plateau-admin``         all of Plateau's data, for `plateau keys`, `gc` and `doctor`; and end a
                           script, a client or the server that hangs
@@ -20,14 +20,13 @@ one at a time, and an endless one would stop the farm until the server is killed
 of Plateau's loop endlessly over a worker's data.
 
 A hostile worker can still spoil the queue: it can write anything into a job's hash and ledger, and
-so mark a job as failed or done, show a wrong image, forge an event of a webhook, have a target
-notified or an allowed command started, have a sweep remove a job as old, or block other workers by
-unreadable entries; it can fill Redis's memory, and keep Redis busy while it is connected. It sees
-the names of all keys, since a lease rebuilds a damaged index. It cannot learn or change API keys,
-secrets and addresses of webhooks, owners of jobs, which of them are deleted, or the
-tokens of monitors. To shut it out, give its user another password in the file; then
-``plateau-admin`` may have Redis read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER
-plateau-worker`).
+so mark a job as failed or done, show a wrong image, forge what a notice says of a job, have a sweep
+remove a job as old, or block other workers by unreadable entries; it can fill Redis's memory, and
+keep Redis busy while it is connected. It sees the names of all keys, since a lease rebuilds a
+damaged index. It cannot learn or change API keys, the secrets of notices, owners of jobs, which of
+them are deleted, or the tokens of monitors, nor change whom a notice goes to. To shut it out, give
+its user another password in the file; then ``plateau-admin`` may have Redis read it (`ACL LOAD`)
+and end the connections (`CLIENT KILL USER plateau-worker`).
 
 Redis has users since 6.0 and read-only rights (``%R~``) since 7.0: on 6.2 the right to read a key
 is one to write it.
@@ -51,8 +50,6 @@ _ID: Final = "?" * 12
 QUEUE_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger"),
     *("seeds", "deaths", "spoiled", "events", "log", "shares"),
-    # A command that moves a job puts a message for its webhook there, without address and secret.
-    "deliveries",
 )
 
 _QUEUE: Final = (
@@ -76,10 +73,8 @@ _QUEUE: Final = (
     keys.GRACE,
     keys.TOTALS,
     f"{PREFIX}told:*",
-    # A job that fails leaves its key's open jobs, and its webhook gets a message.
+    # A job that fails leaves its key's open jobs.
     f"{PREFIX}key:{_ID}:open",
-    keys.RECEIVERS,
-    keys.webhooks_due("*"),
 )
 _READ_BY_WORKERS: Final = (
     *(keys.SCHEMA, keys.STORE),
@@ -107,8 +102,8 @@ _MONITOR: Final = (
     keys.MONITORS,
     keys.monitor("*"),
     keys.jobs_of_key(_ID),
-    keys.WEBHOOK_SECRET,
-    keys.OLD_WEBHOOK_SECRET,
+    keys.NOTICES,
+    f"{keys.NOTICES}:*",
 )
 #: Beside those of a monitor.
 _API: Final = (

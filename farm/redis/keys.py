@@ -59,11 +59,9 @@ plateau:keys:used         hash    key id → when it was last used (ms), to a mi
 plateau:key:ID:rate       string  when the key's bucket of requests is full again (ms) till then
 plateau:key:ID:open       set     the key's jobs that have not ended                   till they do
 plateau:key:ID:jobs       zset    the key's jobs, scored by their number of creation   the jobs'
-plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
-plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
-                                  (``notify:NAME`` is a target, ``then:NAME`` a command)
-plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
-plateau:webhooks:before   string  those before it, which also sign                     1 d
+plateau:notices           zset    receivers of notices, scored by when one is due (ms)  till told
+plateau:notices:RECEIVER  zset    jobs whose notice waits for it (a target's name, or   till told
+                                  a URL without its path), scored by when it is due
 plateau:troubles          hash    "SCOPE TARGET TROUBLE" → since when (ms), and until    while so
                                   when it is being told (ms), or ``told``
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
@@ -90,12 +88,13 @@ plateau:job:ID:curve      stream  points; the entry's id is spp-0               
 plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
 plateau:job:ID:log        stream  how tries of slices ended, and their output, ~2000   the job's
 plateau:job:ID:sealed     hash    fields that workers cannot change: the job's API key,  the job's
-                                  ``owner`` and ``owner_name``; ``deleted_at`` (ms)
+                                  ``owner`` and ``owner_name``; ``deleted_at`` (ms);
+                                  ``receivers`` of its notices, ``notice_url``,
+                                  ``notice_secret``, "notice RECEIVER" → JSON of how it
+                                  stands; ``whole_batch`` (JSON) where it was the last
+                                  of its batch
 plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of     the job's
                                   shown results and of previews
-plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
-plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
-plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
 plateau:job:ID:shot       hash    of a shot's first frame: ``frames`` (JSON of ids), the  the job's
                                   number of ``looks``, ``look:0`` … (JSON), ``why``;
                                   ``over`` once it was the last
@@ -106,7 +105,7 @@ plateau:job:ID:fence      string  counter: fencing tokens given out             
 Channels carry only hints (a process that misses one looks again within some seconds):
 ``plateau:wake:workers`` (``ended ID``, and ``ended ID ENTRY`` where another try was first),
 ``plateau:wake:workers:ID`` (``planned``, to an idle one),
-``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:webhooks`` (a job id).
+``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:notifier`` (a job id).
 
 The script in ``farm/redis/lua`` writes all keys, but in migrations `plateau.farm.ledger.schema`.
 """
@@ -143,18 +142,12 @@ HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
 API_KEYS: Final = PREFIX + "keys"
 API_KEYS_USED: Final = PREFIX + "keys:used"
-RECEIVERS: Final = PREFIX + "webhooks"
-WEBHOOK_SECRET: Final = PREFIX + "webhooks:secret"
-OLD_WEBHOOK_SECRET: Final = PREFIX + "webhooks:before"
+NOTICES: Final = PREFIX + "notices"
 WAKE_WORKERS: Final = PREFIX + "wake:workers"
 WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 #: Before the id in a hint to monitors: the job's owner has given it back.
 FREE: Final = "free "
-WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
-#: Before the name of a target of notifications, as a receiver.
-NOTIFIED: Final = "notify:"
-#: Before the name of a command, as a receiver.
-STARTED: Final = "then:"
+WAKE_NOTIFIER: Final = PREFIX + "wake:notifier"
 
 #: Most different needs (pool, tags, blocked workers) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
@@ -166,7 +159,7 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     "shares",
-    *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
+    *("curve", "events", "log", "sealed", "digests"),
     *("owner", "fence", "rounds", "after", "turns", "shot"),
 )
 
@@ -206,11 +199,6 @@ def wake_worker(worker_id: str) -> str:
     return f"{WAKE_WORKERS}:{worker_id}"
 
 
-def webhooks_due(receiver: str) -> str:
-    """The key of the deliveries to a receiver of webhooks."""
-    return f"{RECEIVERS}:due:{receiver}"
-
-
 def scene_going(sha256: str) -> str:
     """The key of the mark that the scene's blob is being removed."""
     return f"{PREFIX}scene:{sha256}:going"
@@ -234,9 +222,7 @@ local SCHEMA, STORE, SWEPT = '{SCHEMA}', '{STORE}', '{SWEPT}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
-local RECEIVERS, WAKE_WEBHOOKS = '{RECEIVERS}', '{WAKE_WEBHOOKS}'
-local NOTIFIED, STARTED = '{NOTIFIED}', '{STARTED}'
-local WEBHOOK_SECRET, OLD_WEBHOOK_SECRET = '{WEBHOOK_SECRET}', '{OLD_WEBHOOK_SECRET}'
+local NOTICES, WAKE_NOTIFIER = '{NOTICES}', '{WAKE_NOTIFIER}'
 local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id

@@ -44,7 +44,7 @@ _NAMESPACES: Final = {
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
-    *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "webhooks"),
+    *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "notices"),
     *("members", "api_keys", "census", "troubles"),
 )
 

@@ -231,35 +231,19 @@ JOB: Final[dict[str, Any]] = {
     },
 }
 
-WEBHOOK_MESSAGE: Final[dict[str, Any]] = {
-    "type": "job.converged",
+NOTICE_MESSAGE: Final[dict[str, Any]] = {
+    "type": "job.finished",
     "timestamp": _AT,
     "data": {
-        "sequence": 2,
         "job": {
             **JOB,
             "state": "converged",
             "outcome": "converged",
             "ended_by": "rule",
             "ended_at": _AT,
-        },
+            "finished_at": _AT,
+        }
     },
-}
-
-DELIVERY: Final[dict[str, Any]] = {
-    "number": 2,
-    "id": f"msg_{JOB_ID}_2",
-    "event": "converged",
-    "at": _AT,
-    "state": "waiting",
-    "next_try_at": "2026-11-21T08:12:18.102Z",
-    "tries": [{"at": _AT, "status": 500, "error": "the receiver answered 500", "ms": 12}],
-}
-
-DELIVERIES: Final[dict[str, Any]] = {
-    "url": "https://studio.example/hooks/plateau",
-    "events": ["converged", "finished"],
-    "deliveries": [DELIVERY],
 }
 
 METRICS: Final = (
@@ -298,7 +282,6 @@ PROBLEM_DETAILS: Final[dict[str, str]] = {
     "cannot-merge": f"job {JOB_ID} keeps no picture of 300 spp, and did not keep its slices; "
     f"GET {_ROOT}/previews lists the pictures there are",
     "busy": "many scenes are being checked already; try again in 2 s",
-    "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",
     "not-acceptable": "the answer comes as application/json or text/csv, and Accept is 'image/png'",

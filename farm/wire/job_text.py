@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any, Final
 
-from plateau.farm.model.job import NONE_LEFT, CurvePoint, Job, utc_now
+from plateau.farm.model.job import NONE_LEFT, CurvePoint, Job, Notice, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import (
@@ -179,6 +179,13 @@ def pauses(job: Job) -> str:
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
     now = f"since {job.paused_at:%Y-%m-%d %H:%M:%S} UTC" if job.paused_at else ""
     return ", and ".join(filter(None, (before, now)))
+
+
+def of_notice(notice: Notice) -> str:
+    """How a notice stands that is not delivered."""
+    words = "given up" if notice.state == "given-up" else "not delivered yet"
+    why = f": {notice.error}" if notice.error else ""
+    return f"to {notice.to}, {words} at {notice.at:%Y-%m-%d %H:%M:%S} UTC{why}"
 
 
 def _cost(job: Job) -> str:

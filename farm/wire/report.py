@@ -43,7 +43,7 @@ def report_html(
     """
     name = escape(job.name)
     # Readers of the report need not know whom the farm notifies.
-    spec = job.spec.model_dump(mode="json", exclude={"webhook"})
+    spec = job.spec.model_dump(mode="json", exclude={"notice"})
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -157,7 +157,7 @@ def _story(events: Iterable[Event]) -> str:
     return "".join(
         f"<li>{event.at:%Y-%m-%d %H:%M:%S} UTC: {_told(event)}</li>"
         for event in events
-        if event.type in {"state", "trouble", "command"}
+        if event.type in {"state", "trouble"}
     )
 
 
@@ -165,9 +165,5 @@ def _told(event: Event) -> str:
     data = event.data
     if event.type == "trouble":
         return escape(f"slice {data['index']}, worker {data['worker']}: {data['cause']}")
-    if event.type == "command":
-        code = data.get("exit_code")
-        how = "did not end by itself" if code is None else f"ended with exit code {code}"
-        return escape(f"the command {data['name']} {how}: {data['words']}")
     state = JobState(data["to"]).in_words
     return f"<b>{state}</b>: {escape(str(data['reason']))}"

@@ -45,7 +45,7 @@ class JobView(Job):
         None, description="in words, why it cannot be known when a queued job will start"
     )
     cost: Cost | None = Field(
-        None, description="in money; null where the service has no price, and in webhooks"
+        None, description="in money; null where the service has no price, and in notices"
     )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
@@ -205,16 +205,13 @@ class Scenes(BaseModel):
     )
 
 
-class AtTheEnd(BaseModel):
-    """Whom and what jobs may name for their ends."""
+class TargetNames(BaseModel):
+    """The targets of notices, by the names that the farm's operator gives them."""
 
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"], "commands": ["movie"]})
-    )
+    model_config = ConfigDict(json_schema_extra=_shows({"targets": ["lead"], "always": ["ops"]}))
 
-    targets: list[str] = Field(description="of notifications, which `notify` may name")
+    targets: list[str] = Field(description="which a job's `notice` may name")
     always: list[str] = Field(description="those that are notified of every job")
-    commands: list[str] = Field(description="which `then` may name")
 
 
 class SceneFound(SceneView):
@@ -290,11 +287,11 @@ def job_view(
     """The job as the API shows it.
 
     `waits_for` names the worker that it lacks, or the jobs that it comes after. Only its owner sees
-    the path of its webhook, which is often a secret. Without a `price`, it shows no money. Of a
-    queued job, `start` says when it will start, or why that cannot be known.
+    the path of its notice's URL, which is often a secret. Without a `price`, it shows no money. Of
+    a queued job, `start` says when it will start, or why that cannot be known.
     """
-    if job.spec.webhook is not None and not to_owner:
-        spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
+    if job.spec.notice.url is not None and not to_owner:
+        spec = job.spec.model_copy(update={"notice": job.spec.notice.hidden()})
         job = job.model_copy(update={"spec": spec})
     root = f"/v1/jobs/{job.id}"
     links = {
@@ -319,7 +316,6 @@ def job_view(
         "resume": f"{root}/resume",
         "restore": f"{root}/restore",
         "again": f"{root}/again",
-        "webhooks": f"{root}/webhooks",
     }
     return JobView(
         **job.model_dump(),

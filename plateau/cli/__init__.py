@@ -11,7 +11,7 @@ from typing import Final
 # Help lists the commands in this order.
 # isort: off
 from plateau.cli import serving, scaling, jobs, steering, batches  # noqa: F401
-from plateau.cli import results, webhooks, images, keys  # noqa: F401
+from plateau.cli import results, images, keys  # noqa: F401
 
 # isort: on
 from plateau.cli.app import app

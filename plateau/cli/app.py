@@ -56,7 +56,6 @@ _EXTRAS: Final[dict[str, str]] = {
     "notify": "monitor,notify",
     "redis-acl": "farm",
     "scale": "farm",
-    "webhooks": "farm",
     "worker": "worker",
 }
 

@@ -46,37 +46,12 @@ def submit(
             "then stands still, and is seen more. By default each has a seed of its own.",
         ),
     ] = False,
-    webhook: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            help="URL that receives the job's events. Requests are signed with "
-            "PLATEAU_WEBHOOK_SECRET, or with the farm's secret if it is not set.",
-        ),
-    ] = None,
-    webhook_event: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="EVENT",
-            help="Event to send: a state of the job, or finished, when its results are written; "
-            "may be repeated.",
-            show_default="all but queued",
-        ),
-    ] = None,
     notify: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME",
-            help="Target, named by the farm's operator, that is notified when the job, or its "
-            "whole batch, has ended; may be repeated.",
-        ),
-    ] = None,
-    then: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Command, named by the farm's operator, that is started once the job has ended, "
-            "in whichever state; may be repeated.",
+            metavar="WHO",
+            help="Who is told when the job has ended: a target that the farm's operator has named, "
+            "or a URL, which gets a POST signed with PLATEAU_WEBHOOK_SECRET; may be repeated.",
         ),
     ] = None,
     url: o.Url = None,
@@ -90,13 +65,13 @@ def submit(
       plateau submit '{assets}/shots/walk/scene.xml' --max-spp 4000
       plateau submit walk.zip --each frame=0..99 --batch walk --min-spp 400
       plateau watch --batch walk -o frames
-      plateau submit scene.zip --webhook https://studio.example/plateau --webhook-event finished
+      plateau submit scene.zip --notify ops --notify https://studio.example/hooks/plateau
     """
     from plateau.commands.batches import submit as submit_batch
     from plateau.commands.jobs import submit as run
-    from plateau.commands.webhooks import with_names, with_webhook
+    from plateau.commands.jobs import with_notice
 
-    spec = with_names(with_webhook(spec, webhook, webhook_event or ()), notify=notify, then=then)
+    spec = with_notice(spec, notify or ())
     if zipped and not each:
         raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:

@@ -1,4 +1,4 @@
-"""Commands for access rights: API keys, and the users of Redis."""
+"""Commands of an operator: API keys, the users of Redis, and a test of a notice's target."""
 
 from pathlib import Path
 from typing import Annotated
@@ -191,3 +191,23 @@ def redis_acl(
     from plateau.commands.keys import redis_acl as run
 
     run(passwords, redis)
+
+
+@app.command()
+def notify(
+    target: Annotated[
+        str, typer.Argument(metavar="NAME", help="A target's name in PLATEAU_NOTIFY_FILE.")
+    ],
+    as_json: o.Json = False,
+) -> None:
+    """Send a test message to a target of notices, and say whether it was taken.
+
+    For example:
+      PLATEAU_NOTIFY_FILE=/etc/plateau/targets plateau notify ops
+
+    `plateau submit --notify NAME` has a target notified of a job's end. Where a message cannot be
+    sent, the reason is shown, and may have parts of the target's URL.
+    """
+    from plateau.commands.notify import notify as run
+
+    run(target, as_json=as_json)

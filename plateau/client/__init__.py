@@ -26,7 +26,6 @@ from plateau.client.errors import (
     Unreachable,
 )
 from plateau.client.events import (
-    CommandEvent,
     FinishedEvent,
     ImageEvent,
     PointEvent,
@@ -44,7 +43,6 @@ __all__ = [
     "BrokenScene",
     "Client",
     "ClientError",
-    "CommandEvent",
     "Damaged",
     "FinishedEvent",
     "ImageEvent",

@@ -140,7 +140,6 @@ class AsyncClient:
     log = _awaited(Client.log)
     pause = _awaited(Client.pause)
     pause_batch = _awaited(Client.pause_batch)
-    redeliver = _awaited(Client.redeliver)
     restore = _awaited(Client.restore)
     restore_batch = _awaited(Client.restore_batch)
     resume = _awaited(Client.resume)
@@ -158,7 +157,6 @@ class AsyncClient:
     usage = _awaited(Client.usage)
     usage_csv = _awaited(Client.usage_csv)
     wait_for_batch = _awaited(Client.wait_for_batch)
-    webhooks = _awaited(Client.webhooks)
     whole_id = _awaited(Client.whole_id)
     workers = _awaited(Client.workers)
 

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from plateau.client.batches import BatchCalls
-from plateau.client.farm_calls import FarmCalls, WebhookCalls
+from plateau.client.farm_calls import FarmCalls
 from plateau.client.jobs import JobCalls
 from plateau.client.results import ResultCalls
 from plateau.client.transport import Transport
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DEFAULT_URL: Final = "http://127.0.0.1:8713"
 
 
-class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, WebhookCalls, FarmCalls):
+class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, FarmCalls):
     """A Plateau service, for Python programs; may be used from several threads.
 
     Every method raises `ApiError` if the service answers with a problem, `Unreachable` if nothing

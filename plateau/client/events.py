@@ -75,26 +75,6 @@ class FinishedEvent(Event):
     """The final images are written. This is the last event of a stream."""
 
 
-class CommandEvent(Event):
-    """A command of the job's end has ended; `Client.happened` has these events."""
-
-    @property
-    def name(self) -> str:
-        """Its name, as in the job's spec."""
-        return str(self.data["name"])
-
-    @property
-    def exit_code(self) -> int | None:
-        """Its exit code; None where it was not started, or ended at its time limit."""
-        code = self.data.get("exit_code")
-        return None if code is None else int(str(code))
-
-    @property
-    def words(self) -> str:
-        """The last line of its output, or why it was ended."""
-        return str(self.data["words"])
-
-
 #: A newer service may have other types; they stay plain events.
 _KINDS: Final[dict[str, type[Event]]] = {
     "state": StateEvent,
@@ -103,7 +83,6 @@ _KINDS: Final[dict[str, type[Event]]] = {
     "slice": SliceEvent,
     "trouble": TroubleEvent,
     "finished": FinishedEvent,
-    "command": CommandEvent,
 }
 
 

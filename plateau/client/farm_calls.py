@@ -1,14 +1,12 @@
-"""Calls about the workers, the stored scenes and the messages to webhooks."""
+"""Calls about the workers and the stored scenes."""
 
 from datetime import date, datetime
 from urllib.parse import quote
 
 from plateau.client.transport import Calls
-from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.usage import Grouping
 from plateau.farm.wire.usage_views import Usage
-from plateau.farm.wire.views import AtTheEnd, Scenes, SceneView, Workers, WorkerView
-from plateau.farm.wire.webhook_views import Deliveries
+from plateau.farm.wire.views import Scenes, SceneView, TargetNames, Workers, WorkerView
 
 
 def _asked(
@@ -84,25 +82,6 @@ class FarmCalls(Calls):
         """The stored scenes; `Client.submit` takes one by its SHA-256."""
         return self._transport.read(Scenes, "/v1/scenes").scenes
 
-    def targets(self) -> AtTheEnd:
-        """The targets of notifications, and the commands, that a spec may name."""
-        return self._transport.read(AtTheEnd, "/v1/targets")
-
-
-class WebhookCalls(Calls):
-    """The messages to webhooks."""
-
-    def webhooks(self, job_id: str) -> Deliveries:
-        """The job's webhook and the messages to it, each with its tries and the next one's time."""
-        return self._transport.read(Deliveries, f"/v1/jobs/{job_id}/webhooks")
-
-    def redeliver(self, job_id: str, number: int) -> Delivery:
-        """Send a message again now, with the same id; repeated calls send it once.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``unknown-delivery`` if the job has no message of this number.
-        """
-        path = f"/v1/jobs/{job_id}/webhooks/{number}/redeliver"
-        return self._transport.ask(Delivery, "POST", path)
+    def targets(self) -> TargetNames:
+        """The targets that a job's notice may name."""
+        return self._transport.read(TargetNames, "/v1/targets")

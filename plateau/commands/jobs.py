@@ -1,21 +1,24 @@
 """`plateau submit | watch | show | log | list | cancel | again | …`: talk to a running service."""
 
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
 from rich.console import Console
 
 from plateau.commands.connect import connect
 from plateau.commands.follow import follow
 from plateau.commands.outputs import write_results
-from plateau.commands.webhooks import undelivered
 from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import EXIT_CODES
+from plateau.farm.model import input_errors
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.views import JobView
@@ -30,6 +33,7 @@ _COLUMNS = (
     *("id", "state", "spp", "noise left", "time", "to come", "created (UTC)"),
     *("by", "batch", "job"),
 )
+_SECRET = "PLATEAU_WEBHOOK_SECRET"
 _SPARE = ("by", "created (UTC)", "batch", "time", "to come")  # on a narrow terminal
 
 
@@ -40,6 +44,30 @@ def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> Non
     _print_id(job, as_json=as_json)
     if expected := job_text.start(job) or job.expected_start_unknown:
         tell(f"job {job.id} {expected}")
+
+
+def with_notice(spec: JobSpec, told: Sequence[str]) -> JobSpec:
+    """The spec with those who are told of the job's end: names of targets, and a URL."""
+    if not told:
+        return spec
+    urls = [one for one in told if "/" in one]
+    if len(urls) > 1:
+        raise CommandFailed("--notify: a job has one URL")
+    asked: dict[str, object] = {"targets": tuple(one for one in told if one not in urls)}
+    if urls:
+        asked |= {"url": urls[0], "secret": os.environ.get(_SECRET) or None}
+    try:
+        notice = NoticeSpec.model_validate(asked)
+    except ValidationError as error:
+        found = error.errors()[0]
+        name = _SECRET if found["loc"][0] == "secret" else "--notify"
+        raise CommandFailed(f"{name}: {input_errors.message(found)}") from None
+    if notice.url is not None and notice.secret is None:
+        raise CommandFailed(
+            f"what is sent to {notice.url} has to be signed: export {_SECRET}=whsec_$(openssl rand "
+            "-base64 32)"
+        )
+    return spec.model_copy(update={"notice": notice})
 
 
 def watch(
@@ -85,7 +113,6 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
         job_id = client.whole_id(job_id)
         job = client.job(job_id)
         lines = story(job_id, client.happened(job_id), client.log(job_id))
-        messages = undelivered(client, job)
     if as_json:
         print(job.model_dump_json(indent=2))
         return
@@ -96,10 +123,9 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     print("story:")
     for line in lines:
         print(f"  {line}")
-    if messages:
-        print("webhook messages that are not delivered:")
-    for line in messages:
-        print(f"  {line}")
+    for notice in job.notices:
+        if notice.state != "delivered":
+            print(job_text.row("notice", job_text.of_notice(notice)))
     print("links:")
     for name, path in job.links.items():
         print(f"  {name:<15}{client.url}{path}")

@@ -1,6 +1,6 @@
-"""`plateau keys`, `plateau webhooks secret` and `plateau redis-acl`: access rights.
+"""`plateau keys` and `plateau redis-acl`: access rights.
 
-The first two work on the farm's Redis directly, so an operator needs no API key.
+The first works on the farm's Redis directly, so an operator needs no API key.
 """
 
 import json
@@ -18,7 +18,6 @@ from pydantic import ValidationError
 
 from plateau.errors import CommandFailed, tell
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import input_errors
 from plateau.farm.model.errors import StoreUnavailable
@@ -107,33 +106,17 @@ def revoke(given: str, *, as_json: bool) -> None:
         )
 
 
-def webhook_secret(*, renew: bool, as_json: bool) -> None:
-    """Print the secret that signs the farm's webhooks; messages go to standard error."""
-    with _farm(farm_settings(), may_begin=True) as client:
-        outbox = Outbox(client)
-        found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
-    print(json.dumps({"secret": found}) if as_json else found)
-    if renew:
-        tell("for a day, messages are also signed with the previous secret")
-
-
 @contextmanager
 def _keys(
     settings: Settings, *, may_begin: bool = False, patience_s: float = 0.0
 ) -> Iterator[ApiKeys]:
-    with _farm(settings, may_begin=may_begin, patience_s=patience_s) as client:
-        yield ApiKeys(client)
-
-
-@contextmanager
-def _farm(settings: Settings, *, may_begin: bool, patience_s: float = 0.0) -> Iterator[Any]:
-    """A client of the farm's Redis, after a check of its data's layout."""
+    """The keys in the farm's Redis, after a check of its data's layout."""
     data = DataFolder(settings.data)
     with ExitStack() as stack:
         url = redis_at_hand(settings, data, stack, may_begin=may_begin)
         client = stack.enter_context(connect(url))
         _check(client, patience_s)
-        yield client
+        yield ApiKeys(client)
 
 
 def _check(client: RedisClient, patience_s: float) -> None:

@@ -1,11 +1,11 @@
-"""`plateau notify`: a test message to a target of notifications."""
+"""`plateau notify`: a test message to a target of notices."""
 
 import json
 
 from plateau.errors import CommandFailed
 from plateau.farm.process.notify_targets import read_targets
 from plateau.processes.read_settings import read_settings
-from plateau.service.monitor.webhooks.notifications import Note, NotNotified, send
+from plateau.service.monitor.notifier.notes import Note, NotNotified, send
 
 _TEST = Note("Plateau: a test", "This target is notified when jobs end that name it.")
 

@@ -17,7 +17,7 @@ _LONGEST_CAUSE: Final = 200
 
 
 def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list[str]:
-    """The state changes of the job, its troubles and its commands, one line each, by time.
+    """The state changes of the job and its troubles, one line each, by time.
 
     Troubles are workers that died on a slice, lost partials, and workers that found that they
     cannot render. If there are many, only the first and the last are shown.
@@ -28,7 +28,6 @@ def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list
         for event in events
         if event.type == "state"
     ]
-    moves += [(event.at, _command(event)) for event in events if event.type == "command"]
     troubles = [
         (event.at, _trouble(event.data["index"], event.data["worker"], event.data["cause"]))
         for event in events
@@ -64,12 +63,6 @@ def _state(event: Event) -> str:
 
 def _trouble(index: object, worker: object, cause: object) -> str:
     return f"  slice {index}, worker {worker}: {_in_a_line(str(cause))}"
-
-
-def _command(event: Event) -> str:
-    code, words = event.data.get("exit_code"), _in_a_line(str(event.data["words"]))
-    how = "not ended by itself" if code is None else f"exit code {code}"
-    return ": ".join(filter(None, (f"command {event.data['name']}", how, words)))
 
 
 def _in_a_line(text: str) -> str:

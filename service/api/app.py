@@ -14,12 +14,10 @@ from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.costs import Price
@@ -48,6 +46,7 @@ from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
 from plateau.service.api.routes import images as routes_images
 from plateau.service.api.routes import jobs as routes_jobs
+from plateau.service.api.routes import notices as routes_notices
 from plateau.service.api.routes import pages as routes_pages
 from plateau.service.api.routes import previews as routes_previews
 from plateau.service.api.routes import report as routes_report
@@ -55,7 +54,6 @@ from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import usage as routes_usage
-from plateau.service.api.routes import webhooks as routes_webhooks
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 
@@ -76,14 +74,13 @@ def create_app(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
-    commands: AllowedCommands | None = None,
     placing: Placing | None = None,
     price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
-    `webhook_allow` are private networks and host names that may receive webhooks, and `targets`
-    are those of notifications. Without a `price` of a core hour, no money is shown.
+    `webhook_allow` are private networks and host names that may receive notices, and `targets` are
+    those that jobs may name. Without a `price` of a core hour, no money is shown.
     """
 
     @asynccontextmanager
@@ -122,11 +119,9 @@ def create_app(
         points=points,
         checks=checks,
         hub=hub,
-        outbox=Outbox(client),
         workers=Workers(client),
         receivers=Receivers(webhook_allow),
         targets=targets or Targets(),
-        commands=commands or AllowedCommands(),
         placing=placing or Placing(),
         price=price,
     )
@@ -147,14 +142,14 @@ def create_app(
         routes_downloads,
         routes_scenes,
         routes_usage,
-        routes_webhooks,
+        routes_notices,
         routes_farm,
         routes_pages,
     ):
         app.include_router(routes.router)
     for extension in extensions("routes"):
         extension.mount(app, client)
-    app.webhooks.include_router(routes_webhooks.sent)
+    app.webhooks.include_router(routes_notices.sent)
     app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)
     app.add_middleware(BodyLimit, most=checks.limits.max_bytes + ENVELOPE_BYTES)

@@ -11,14 +11,12 @@ from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
@@ -46,11 +44,9 @@ class Parts:
     checks: SceneChecks
     placing: Placing  #: scenes where they lie
     hub: EventHub
-    outbox: Outbox
     workers: Workers
-    receivers: Receivers  #: of webhooks
-    targets: Targets  #: of notifications
-    commands: AllowedCommands  #: that jobs may start at their ends
+    receivers: Receivers  #: of notices
+    targets: Targets
     price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:

@@ -20,7 +20,6 @@ from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.addresses import is_loopback
-from plateau.farm.process.allowed_commands import read_commands
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
@@ -112,7 +111,7 @@ def run(
         max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
     )
     checks = SceneChecks(limits)
-    targets, commands = read_targets(settings), read_commands(settings)
+    targets = read_targets(settings)
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
     if tls is not None:
@@ -130,7 +129,6 @@ def run(
         access=access,
         webhook_allow=settings.webhook_allow,
         targets=targets,
-        commands=commands,
         placing=Placing(settings.scene_roots, settings.hashes),
         price=Price.if_set(settings),
     )

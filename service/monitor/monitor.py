@@ -38,12 +38,12 @@ from plateau.service.judging.judge import warm_up
 from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
+from plateau.service.monitor.notifier.notifier import notifying
+from plateau.service.monitor.notifier.troubles import telling_troubles
 from plateau.service.monitor.shots.tending import Tending
 from plateau.service.monitor.side_by_side import SideBySide
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
-from plateau.service.monitor.webhooks.deliverers import delivering
-from plateau.service.monitor.webhooks.troubles import telling_troubles
 
 _LOG = logging.getLogger(__name__)
 
@@ -306,5 +306,5 @@ def run(settings: Settings, stop: Stop) -> None:
     monitor = Monitor(settings, store)
     log.identify(monitor=monitor.id)
     telling = telling_troubles(settings, store, read_targets(settings))
-    with sweeping(settings, store), delivering(settings, store), telling:
+    with sweeping(settings, store), notifying(settings, store), telling:
         monitor.run(stop)

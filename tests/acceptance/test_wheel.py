@@ -44,7 +44,6 @@ NEEDS = {
     "gc": "farm",
     "redis-acl": "farm",
     "scale slurm --max 1": "farm",
-    "webhooks secret": "farm",
 }
 #: What can be imported with each extra: whole packages, and modules.
 BRINGS = {
@@ -239,7 +238,7 @@ from importlib.util import find_spec
 print(*(name for name in {HEAVY} if find_spec(name)))
 import sys
 from plateau import Client
-from plateau.commands import batches, farm, fetch, jobs, webhooks
+from plateau.commands import batches, farm, fetch, jobs
 print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 """
     done = run(base / "python", "-c", program)

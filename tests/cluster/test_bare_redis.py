@@ -87,8 +87,8 @@ def farm(place: Place, tmp_path_factory: pytest.TempPathFactory, cache: Path) ->
 
 
 def submit(farm: BareFarm, receiver: Receiver, scene: Path = BOX, **spec: object) -> JobView:
-    hook = {"url": receiver.url, "secret": SECRET}
-    return farm.submit(scene, **{"webhook": hook, **spec})
+    notice = {"url": receiver.url, "secret": SECRET}
+    return farm.submit(scene, **{"notice": notice, **spec})
 
 
 def test_everything_works_and_nobody_asks_for_more_than_it_may(
@@ -124,13 +124,10 @@ def test_everything_works_and_nobody_asks_for_more_than_it_may(
         StudyCalls(client).delete(study.id)
         # And all that people look at and do by hand
         receiver.wait_for(3)
-        assert client.webhooks(job.id).deliveries
-        client.redeliver(job.id, 1)
+        assert client.job(job.id).notices
         assert len(client.workers()) == len(client.scenes()) - 1 == 1
         assert client.jobs()
         for command in (
-            ("webhooks", "secret"),
-            ("webhooks", "secret", "--renew"),
             ("keys", "list"),
             ("gc", "--dry-run"),
             ("gc", "--results-older-than", "0", "--scenes-unused-for", "0"),

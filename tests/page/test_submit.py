@@ -164,8 +164,7 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
         ("Name", "dusk, last take"),
         ("Pool", "night"),
         ("Tags", "highmem, fast"),
-        ("Webhook", "https://studio.example/hooks/plateau"),
-        ("Its events", "converged, failed"),
+        ("URL", "https://studio.example/hooks/plateau"),
         ("Its secret", "whsec_" + "A" * 32),
     ):
         form.get_by_label(label, exact=True).fill(text)
@@ -177,10 +176,9 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
     assert (spec.name, spec.pool, spec.variant) == ("dusk, last take", "night", "scalar_rgb")
     assert set(spec.requires) == {"highmem", "fast"}
-    assert spec.notify == ("lead",)
+    assert spec.notice.targets == ("lead",)
     assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
-    assert spec.webhook is not None
-    assert spec.webhook.events == ("converged", "failed")
+    assert spec.notice.url == "https://studio.example/hooks/plateau"
     # What the form does not have, it need not have
     elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed", "shot"}
     names = form.context.new_page()

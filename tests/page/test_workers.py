@@ -3,13 +3,10 @@
 import redis
 from playwright.sync_api import expect
 
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.model.states import JobState
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
-from tests.support.farms.staged_job import StagedJob
 
 #: Of its lease: no worker of these goes away, however slow the test is.
 HOUR = 3600
@@ -75,19 +72,6 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     waiting = visit(f"/jobs/{after.id}", expected={404}).page
     expect(waiting.locator(".reason")).to_have_text(f"It waits for job box ({job.id}).")
     assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
-    # What a job's command has come to is in its story, though its stream has ended
-    done = StagedJob(client, then=["movie"])
-    done.commit(4)
-    done.point(100, visible=3)
-    done.end(JobState.CONVERGED, "levelled off")
-    done.finish()
-    taken = Outbox(client).take(60)
-    assert taken is not None
-    Outbox(client).settle(taken, "given-up", status=3, error="no", took_s=1.0, words="no codec")
-    finished = visit(f"/jobs/{done.id}", expected={404}).page
-    expect(finished.locator(".story")).to_contain_text(
-        "The command movie ended with exit code 3: no codec"
-    )
     # And what each renders is one step away
     first.get_by_role("link", name="box").first.click()
     expect(page.get_by_role("heading", name="box")).to_be_visible()

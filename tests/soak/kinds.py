@@ -21,7 +21,7 @@ class Kind:
     is_analytic: bool = True
     frames: tuple[dict[str, Any], ...] = ()  #: parameters of each, in a batch
     does: str = ""  #: what its user does: ``cancel`` it, or ``pause`` it and resume it
-    has_webhook: bool = False
+    has_notice: bool = False
     is_limited: bool = False  #: whether it comes from a key that may have two jobs at once
 
 
@@ -62,7 +62,7 @@ KINDS: Final = (
         },
     ),
     Kind(name="of a limited key", spec={**_FIXED, "parameters": _SMALL}, is_limited=True),
-    Kind(name="with a webhook", spec={**_FIXED, "parameters": _SMALL}, has_webhook=True, weight=2),
+    Kind(name="with a notice", spec={**_FIXED, "parameters": _SMALL}, has_notice=True, weight=2),
     Kind(name="paused and resumed", spec={**_FIXED, "parameters": _SMALL}, does="pause"),
     Kind(
         name="cancelled",

@@ -27,7 +27,7 @@ class Found:
     cancelled: int
     struck: Mapping[str, int]  #: faults by kind
     calls: int  #: of the API, by users
-    messages: int  #: that a receiver of webhooks got
+    messages: int  #: that a receiver of notices got
     orphans: int
     watch: Watch
 

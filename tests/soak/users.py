@@ -44,8 +44,8 @@ class Desk:
         fields: dict[str, Any] = {**kind.spec, **more}
         if kind.frames:
             fields["batch"] = f"{kind.name} {secrets.token_hex(4)}"
-        if kind.has_webhook:
-            fields["webhook"] = {"url": self.hook, "secret": SECRET}
+        if kind.has_notice:
+            fields["notice"] = {"url": self.hook, "secret": SECRET}
         client = self.limited if kind.is_limited else by
         spec, scene = JobSpec.model_validate(fields), self.scenes[kind.is_analytic]
         if kind.frames:

@@ -13,11 +13,11 @@ from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
 from plateau.farm.model.spec.exr import ExrSpec
+from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
 from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import ViewSpec
-from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.rules import MOST_SPP, SlopeLimit
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
@@ -62,9 +62,6 @@ Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
 
 #: The most jobs and batches that a job waits for.
 MOST_AFTER: Final = 16
-
-#: The most commands that a job starts.
-MOST_THEN: Final = 4
 
 After = Annotated[
     tuple[Annotated[str, Field(min_length=1, max_length=100)], ...],
@@ -192,18 +189,8 @@ class SharedSpec(Strict):
     keep_slices: bool = Field(
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
-    webhook: WebhookSpec | None = Field(
-        default=None, description="receiver of the job's events, by signed requests"
-    )
-    notify: Tags = Field(
-        default=(),
-        description="names of targets that are notified when the job, or the whole of its batch, "
-        "has ended; the farm's operator names them",
-    )
-    then: Annotated[Tags, Field(max_length=MOST_THEN)] = Field(
-        default=(),
-        description="names of commands, which the farm's operator allows: each is started when the "
-        "job has ended, in whichever state, and its results are written",
+    notice: NoticeSpec = Field(
+        default_factory=NoticeSpec, description="who is told that the job has ended"
     )
 
     @model_validator(mode="after")
@@ -290,7 +277,7 @@ class SharedSpec(Strict):
         return 4 + sum(len(AOVS[name].channels) for name in self.film_aovs)
 
     def as_request(self) -> str:
-        """The spec as JSON, the webhook's secret included: never to be stored, nor shown.
+        """The spec as JSON, the notice's secret included: never to be stored, nor shown.
 
         What has its default is left out, so that an older service is told of no field that it does
         not know.
@@ -301,6 +288,6 @@ class SharedSpec(Strict):
             if getattr(self, name) != field.get_default(call_default_factory=True)
         }
         document = self.model_dump(mode="json", include=asked)
-        if self.webhook is not None and self.webhook.secret is not None:
-            document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
+        if self.notice.secret is not None:
+            document["notice"]["secret"] = self.notice.secret.get_secret_value()
         return json.dumps(document)

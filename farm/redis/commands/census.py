@@ -30,7 +30,7 @@ class CensusRow:
     workers: dict[str, int]
     monitors: int
     owned: int
-    webhooks: int
+    notices: int
     totals: dict[str, int]
 
 

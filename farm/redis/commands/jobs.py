@@ -1,7 +1,7 @@
 """Commands that create, continue, steer and end jobs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.model.states import EndedBy
@@ -10,10 +10,11 @@ from plateau.farm.redis.commands.command import Answer, Command
 
 @dataclass(frozen=True)
 class NewJob:
-    """The id of a new job, and the fields of its hash."""
+    """The id of a new job, the fields of its hash, and of the one that workers cannot change."""
 
     id: str
     fields: Mapping[str, str | int]
+    sealed: Mapping[str, str] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)

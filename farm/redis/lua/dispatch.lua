@@ -1,6 +1,6 @@
 -- Runs the command that ARGV names, with its arguments as JSON; the answer is JSON, too. A process of
 -- another version than the data changes nothing. After a command, wherever it returned, changed jobs are
--- filed and webhooks get their messages.
+-- filed.
 local layout = redis.call('GET', SCHEMA)
 if layout and layout ~= LAYOUT then return redis.error_reply('WRONGLAYOUT ' .. layout) end
 local command = for_workers[ARGV[1]]
@@ -13,5 +13,4 @@ end
 if not command then return redis.error_reply('ERR Plateau has no command ' .. tostring(ARGV[1])) end
 local answer = command(cjson.decode(ARGV[2]))
 Waiting.file_changed()
-Outbox.fill()
 return cjson.encode(answer)

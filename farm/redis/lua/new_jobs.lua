@@ -47,15 +47,8 @@ function New.joins_unseen(batch, guarded, compared)
   return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
 end
 
--- The address of a job's messages, and their secret, leave the job's hash, which workers may write.
-local function seal_webhook(id)
-  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_url', 'webhook_secret')
-  if not hook[1] then return end
-  redis.call('HSET', job_key(id, 'webhook'), 'receiver', hook[1], 'url', hook[2], 'secret', hook[3])
-  redis.call('HDEL', job_key(id), 'webhook_url', 'webhook_secret')
-end
-
--- So does the job's owner. The hash keeps the party in whose share of the workers the job counts.
+-- The job's owner leaves its hash, which workers may write. It keeps the party in whose share of the workers
+-- the job counts.
 local function seal_owner(id, owner, key)
   redis.call('HDEL', job_key(id), 'owner')
   if not owner then return end
@@ -67,13 +60,13 @@ local function seal_owner(id, owner, key)
   if budget then redis.call('HSET', job_key(id), 'key_budget', budget) end
 end
 
--- A new job, queued, with its id and the fields of its hash.
+-- A new job, queued, with its id and the fields of its two hashes.
 function New.job(job, priority, reason)
   local id, number = job.id, redis.call('INCR', PREFIX .. 'created')
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
              'created_at', now(), 'number', number)
   for field, value in pairs(job.fields) do redis.call('HSET', job_key(id), field, value) end
-  seal_webhook(id)
+  for field, value in pairs(job.sealed) do redis.call('HSET', job_key(id, 'sealed'), field, value) end
   local owner, key = owner_among(job.fields)
   seal_owner(id, owner, key)
   redis.call('ZADD', JOBS, number, id)

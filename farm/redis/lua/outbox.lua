@@ -1,101 +1,43 @@
--- The outbox: messages about jobs that wait for their receivers, webhooks and targets of notifications. The command that changes a job
--- fills it in the same step, so no change is lost and none is made up.
-
--- The command's events that webhooks may want: job, event, job, event, …
-local happened = {}
+-- The events of jobs, and the outbox: notices of ended jobs that wait for their receivers.
 
 -- Note an event of a job, with its data as a table or as JSON.
 function Outbox.announce(id, event, data, at)
   local text = type(data) == 'string' and data or cjson.encode(data)
   redis.call('XADD', job_key(id, 'events'), '*', 'type', event, 'at', at or now(), 'data', text)
-  local told = event == 'state' and data.to or event == 'finished' and event
-  if told then
-    happened[#happened + 1] = id
-    happened[#happened + 1] = told
-  end
 end
 
--- Deliveries that a job remembers; older ones are dropped, delivered or not.
-local MOST_DELIVERIES = 100
+function Outbox.due_key(receiver) return NOTICES .. ':' .. receiver end
 
-function Outbox.due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
-
--- The receiver of a delivery; an older Plateau noted none, since all went to the job's webhook.
-local function receiver_of(id, number)
-  return redis.call('HGET', job_key(id, 'deliveries'), number .. ' receiver')
-      or redis.call('HGET', job_key(id), 'webhook_receiver')
-end
-
--- The name of the command that a delivery starts; nil for one to a receiver.
-function Outbox.command_of(id, number)
-  local receiver = receiver_of(id, number) or ''
-  return string.sub(receiver, 1, #STARTED) == STARTED and string.sub(receiver, #STARTED + 1) or nil
-end
-
--- A receiver is due when the first of its deliveries is.
-local function reschedule(receiver)
-  local first = redis.call('ZRANGE', Outbox.due_key(receiver), 0, 0, 'WITHSCORES')
+-- Schedule a try of a job's notice (ms), perhaps for the end of a lease on it; none without a time. A
+-- receiver is due when the first of its notices is.
+function Outbox.schedule(id, receiver, at)
+  local due = Outbox.due_key(receiver)
+  if at then redis.call('ZADD', due, at, id) else redis.call('ZREM', due, id) end
+  local first = redis.call('ZRANGE', due, 0, 0, 'WITHSCORES')
   if first[1] then
-    redis.call('ZADD', RECEIVERS, first[2], receiver)
+    redis.call('ZADD', NOTICES, first[2], receiver)
   else
-    redis.call('ZREM', RECEIVERS, receiver)
+    redis.call('ZREM', NOTICES, receiver)
   end
 end
 
--- Schedule a try of a delivery (ms), perhaps for the end of a lease on it.
-function Outbox.deliver_at(id, number, at)
-  local receiver = receiver_of(id, number)
-  redis.call('ZADD', Outbox.due_key(receiver), at, id .. ':' .. number)
-  reschedule(receiver)
+-- A job's notice to a receiver, and how it stands; nil where there is none.
+function Outbox.notice(id, receiver)
+  local text = redis.call('HGET', job_key(id, 'sealed'), 'notice ' .. receiver)
+  return text and cjson.decode(text) or nil
 end
 
--- End the tries of a delivery.
-function Outbox.deliver_no_more(id, number)
-  local receiver = receiver_of(id, number)
-  redis.call('ZREM', Outbox.due_key(receiver), id .. ':' .. number)
-  reschedule(receiver)
+function Outbox.note(id, receiver, notice)
+  redis.call('HSET', job_key(id, 'sealed'), 'notice ' .. receiver, cjson.encode(notice))
 end
 
--- Note how a try of a delivery ended.
-function Outbox.note_delivery(id, number, status, error, ms)
-  redis.call('XADD', job_key(id, 'tries'), 'MAXLEN', '~', 1000, '*', 'delivery', number, 'at', now(),
-             'status', status, 'error', head(error, 300), 'ms', ms)
+local function receivers_of(id)
+  return string.gmatch(redis.call('HGET', job_key(id, 'sealed'), 'receivers') or '', '%S+')
 end
 
--- Forget a delivery of a job, if it has it.
-local function drop_delivery(id, number)
-  local deliveries = job_key(id, 'deliveries')
-  local state = redis.call('HGET', deliveries, number .. ' state')
-  if not state then return end
-  if state == 'waiting' then count('webhooks dropped') end
-  Outbox.deliver_no_more(id, number)
-  redis.call('HDEL', deliveries, number, number .. ' state', number .. ' tries', number .. ' token',
-             number .. ' receiver')
-end
-
--- Forget all deliveries of a job that is about to be forgotten itself.
-function Outbox.drop_deliveries(id)
-  for _, number in ipairs(redis.call('HKEYS', job_key(id, 'deliveries'))) do
-    if string.match(number, '^%d+$') then drop_delivery(id, number) end
-  end
-end
-
--- Put a message into the outbox, with the job as it is now. The spec is left out: it may be large, and does
--- not change. `batch` counts the jobs of the whole batch by state, where the message is about that.
-local function put_into_outbox(id, receiver, event, batch)
-  local number = redis.call('HINCRBY', job_key(id), 'webhook_count', 1)
-  local fields, job = redis.call('HGETALL', job_key(id)), {}
-  for i = 1, #fields, 2 do
-    if fields[i] ~= 'spec' and string.sub(fields[i], 1, 8) ~= 'webhook_' then
-      job[fields[i]] = fields[i + 1]
-    end
-  end
-  redis.call('HSET', job_key(id, 'deliveries'), number .. ' state', 'waiting', number .. ' tries', 0,
-             number .. ' receiver', receiver,
-             number, cjson.encode({event = event, at = now(), job = job, batch = batch}))
-  drop_delivery(id, number - MOST_DELIVERIES)
-  Outbox.deliver_at(id, number, now())
-  redis.call('PUBLISH', WAKE_WEBHOOKS, id)
+-- Forget the notices of a job that is about to be forgotten itself.
+function Outbox.drop(id)
+  for receiver in receivers_of(id) do Outbox.schedule(id, receiver) end
 end
 
 -- The jobs of a batch by state; nothing while one of them is not done. The newest come first, as they are
@@ -112,34 +54,20 @@ local function whole_batch(name)
   return states
 end
 
--- The targets of notifications hear of a job whose results are written. Of a batch they hear when all of it
--- is done, and of each job that failed. Commands are started for each job.
-local function tell_at_the_end(id)
-  local job = redis.call('HMGET', job_key(id), 'notify', 'then', 'batch', 'state')
-  local targets, commands = job[1] or '', job[2] or ''
-  if targets == '' and commands == '' then return end
-  local in_batch = (job[3] or '') ~= ''
-  local batch = in_batch and whole_batch(job[3]) or nil
-  if not in_batch or batch or job[4] == 'failed' then
-    for target in string.gmatch(targets, '%S+') do
-      put_into_outbox(id, NOTIFIED .. target, 'finished', batch)
+-- Put the notices of a job that is done into the outbox, in the step that makes it so: none is lost, and none
+-- is made up. A URL hears of each job. Targets hear of a batch when all of it is done, and of each of its jobs
+-- that failed.
+function Outbox.fill(id)
+  local sealed, job = job_key(id, 'sealed'), redis.call('HMGET', job_key(id), 'batch', 'state')
+  if redis.call('HEXISTS', sealed, 'receivers') == 0 then return end
+  local in_batch = (job[1] or '') ~= ''
+  local batch = in_batch and whole_batch(job[1]) or nil
+  if batch then redis.call('HSET', sealed, 'whole_batch', cjson.encode(batch)) end
+  for receiver in receivers_of(id) do
+    if string.find(receiver, '://', 1, true) or not in_batch or batch or job[2] == 'failed' then
+      Outbox.note(id, receiver, {state = 'waiting', at = now()})
+      Outbox.schedule(id, receiver, now())
     end
   end
-  for command in string.gmatch(commands, '%S+') do
-    put_into_outbox(id, STARTED .. command, 'finished', batch)
-  end
-end
-
-local function tell_webhook(id, event)
-  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_events')
-  if not hook[1] or not string.find(hook[2], ' ' .. event .. ' ', 1, true) then return end
-  put_into_outbox(id, hook[1], event)
-end
-
--- Called at the end of a command, so that a message shows the job as the command left it.
-function Outbox.fill()
-  for i = 1, #happened, 2 do
-    tell_webhook(happened[i], happened[i + 1])
-    if happened[i + 1] == 'finished' then tell_at_the_end(happened[i]) end
-  end
+  redis.call('PUBLISH', WAKE_NOTIFIER, id)
 end

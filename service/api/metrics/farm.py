@@ -119,9 +119,9 @@ def _open_work(census: Census) -> Iterator[Metric]:
         "variant",
     )
     yield _gauge(
-        "plateau_webhooks_waiting",
-        "Messages to webhooks that wait for their first or next try.",
-        census.webhooks_waiting,
+        "plateau_notices_waiting",
+        "Notices of ended jobs that wait for their first or next try.",
+        census.notices_waiting,
     )
 
 
@@ -197,17 +197,11 @@ def _totals(census: Census) -> Iterator[Metric]:
         census.wasted_s,
     )
     yield _counter(
-        "plateau_webhook_tries_total",
-        "Tries to deliver a message to a job's webhook, by how they ended: delivered, failed "
-        "(another follows) or given up.",
-        census.webhook_tries,
+        "plateau_notice_tries_total",
+        "Tries to deliver a notice of an ended job, by how they ended: delivered, failed (another "
+        "follows) or given up.",
+        census.notice_tries,
         "outcome",
-    )
-    yield _counter(
-        "plateau_webhooks_dropped_total",
-        "Messages to webhooks that were forgotten, with their job or since a job remembers a "
-        "hundred, before they could be delivered.",
-        census.webhooks_dropped,
     )
     yield _histogram(
         "plateau_merge_seconds",

@@ -10,7 +10,6 @@ from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
 from plateau.farm.model.spec.shot import LEAST_SIDE
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands, UnknownCommand
 from plateau.farm.process.notify_targets import Targets, UnknownTarget
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
@@ -104,31 +103,23 @@ def check_film_sizes(sizes: Sequence[tuple[int | None, int | None]], fields: Seq
             raise invalid_field(problems.INVALID_SPEC, field, message)
 
 
-def with_targets(spec: AnySpec, targets: Targets) -> AnySpec:
-    """The spec with the targets that are notified of every job; refuses unknown ones."""
-    try:
-        return spec.model_copy(update={"notify": targets.with_always(spec.notify)})
-    except UnknownTarget as unknown:
-        raise invalid_field(problems.INVALID_SPEC, "spec.notify", str(unknown)) from unknown
-
-
-def check_commands(spec: SharedSpec, commands: AllowedCommands) -> None:
-    """Refuse a command that the operator does not allow."""
-    for name in spec.then:
+def with_notice(spec: AnySpec, receivers: Receivers, targets: Targets) -> AnySpec:
+    """The spec with the targets that hear of every job; refuses a notice that cannot be sent."""
+    notice = spec.notice
+    if notice.is_hidden:
+        message = "is what others are shown of it: name the whole URL"
+        raise invalid_field(problems.INVALID_SPEC, "spec.notice.url", message)
+    if notice.url is not None:
         try:
-            commands.named(name)
-        except UnknownCommand as unknown:
-            raise invalid_field(problems.INVALID_SPEC, "spec.then", str(unknown)) from unknown
-
-
-def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:
-    """Refuse a webhook to which the farm would not send anything."""
-    if spec.webhook is None:
-        return
-    if spec.webhook.is_hidden:
-        message = "is what others are shown of a webhook: name the whole URL"
-        raise invalid_field(problems.INVALID_SPEC, "spec.webhook.url", message)
+            receivers.check(notice.url)
+        except ReceiverRefused as refused:
+            raise invalid_field(problems.INVALID_SPEC, "spec.notice.url", str(refused)) from refused
+        if notice.secret is None:
+            message = "must sign what is sent to the URL: `echo whsec_$(openssl rand -base64 32)` "
+            message += "makes one"
+            raise invalid_field(problems.INVALID_SPEC, "spec.notice.secret", message)
     try:
-        receivers.check(spec.webhook.url)
-    except ReceiverRefused as refused:
-        raise invalid_field(problems.INVALID_SPEC, "spec.webhook.url", str(refused)) from refused
+        names = targets.with_always(notice.targets)
+    except UnknownTarget as unknown:
+        raise invalid_field(problems.INVALID_SPEC, "spec.notice.targets", str(unknown)) from unknown
+    return spec.model_copy(update={"notice": notice.model_copy(update={"targets": names})})

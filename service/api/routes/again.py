@@ -23,10 +23,8 @@ from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
 from plateau.service.api.problems.spec_checks import (
-    check_commands,
-    check_webhook,
     invalid_spec,
-    with_targets,
+    with_notice,
 )
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
@@ -104,7 +102,7 @@ async def render_again(
     those that the new spec draws; `again` says how many it keeps, or why none. Slices that were
     kept (`keep_slices`) are judged anew, so the view, step and zones may change; with a `max_spp`
     that is not beyond them, nothing is rendered. Otherwise the sums of the samples are continued,
-    which are kept for PLATEAU_KEEP_SUMS_DAYS. Another `seed` draws other samples. A webhook,
+    which are kept for PLATEAU_KEEP_SUMS_DAYS. Another `seed` draws other samples. A notice,
     `after` and `shot` are not inherited. Of a failed job, the workers on which tries failed are
     blocked for the new one.
     """
@@ -124,9 +122,7 @@ def _continued(
     old = farm.job(job_id)
     wanted = _wanted(old, changes, farm)
     spec = fitted(wanted, keep_slices=wanted.slice_spp == old.spec.slice_spp)
-    check_webhook(spec, farm.receivers)
-    spec = with_targets(spec, farm.targets)
-    check_commands(spec, farm.commands)
+    spec = with_notice(spec, farm.receivers, farm.targets)
     check_names(spec)
     check_alone(spec)
     notes = changes_of(wanted, spec)

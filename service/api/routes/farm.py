@@ -15,7 +15,6 @@ from plateau.farm.model.spec import JobSpec, RenderVariant
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import (
-    AtTheEnd,
     DemandView,
     Health,
     ProblemTypeView,
@@ -118,17 +117,6 @@ def list_scenes(farm: Farm) -> Scenes:
         scenes=[SceneView(**scene) for scene in farm.scenes.all()],
         roots=[root.name for root in farm.placing.roots],
         formats={PurePosixPath(one.entry).suffix: one.called for one in formats()},
-    )
-
-
-@router.get("/v1/targets", responses=documented())
-def list_targets(farm: Farm) -> AtTheEnd:
-    """List the targets of notifications, and the commands, that the farm's operator has named."""
-    targets = farm.targets
-    return AtTheEnd(
-        targets=sorted({*targets.urls} - {*targets.always}),
-        always=sorted(targets.always),
-        commands=sorted(farm.commands.words),
     )
 
 

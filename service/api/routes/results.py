@@ -151,8 +151,7 @@ async def get_events(
     be the final one; `point` (a point of the curve); `slice` (index, worker); `trouble` (index,
     worker, cause: a worker died on a slice, or a partial was lost); and `finished`, once all
     results are written, after which the stream ends. An event's `id` resumes the stream. With
-    `Accept: application/json`, the answer lists the events so far, and also `command` (name,
-    exit_code, words) for each command of `spec.then` that has ended.
+    `Accept: application/json`, the answer lists the events so far.
     """
     farm = parts_of(request)
     media_type = chosen(accept, (_SSE, _JSON))

@@ -35,12 +35,10 @@ from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
 from plateau.service.api.problems.spec_checks import (
-    check_commands,
     check_film_sizes,
     check_seeds,
-    check_webhook,
     invalid_field,
-    with_targets,
+    with_notice,
 )
 from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
 from plateau.service.api.scene_checks.process import CheckEnded
@@ -91,9 +89,7 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
         ) as form:
             asked = await _submission(form, idempotency_key(request))
             farm = parts_of(request)
-            check_webhook(asked.spec, farm.receivers)
-            check_commands(asked.spec, farm.commands)
-            yield replace(asked, spec=with_targets(asked.spec, farm.targets))
+            yield replace(asked, spec=with_notice(asked.spec, farm.receivers, farm.targets))
     except OSError as error:
         raise Problem(
             problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"

@@ -20,8 +20,6 @@ export class Records {
   #job = null;
   /** @type {JobEvent[]} */
   #events = [];
-  /** Those of the commands that it started at its end, which no stream has. @type {JobEvent[]} */
-  #commands = [];
   /** @type {Map<string, { state: string, at: number }>} */
   #fetchedAt = new Map();
   #story = h("ol", { class: "story" });
@@ -58,11 +56,7 @@ export class Records {
    */
   tell(events) {
     this.#events.push(...events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type)));
-    this.#showStory();
-  }
-
-  #showStory() {
-    this.#story.replaceChildren(...[...this.#events, ...this.#commands].map((event) => h("li", { "data-type": event.type },
+    this.#story.replaceChildren(...this.#events.map((event) => h("li", { "data-type": event.type },
       h("time", { datetime: event.data.at }, clock(event.data.at)), " ", ...told(event))));
   }
 
@@ -70,8 +64,10 @@ export class Records {
   show(job) {
     this.#job = job;
     this.#showFiles(job);
-    this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
-    this.#notes.hidden = !job.notes.length;
+    const untold = job.notices.filter(({ state }) => state !== "delivered").map(({ to, state, error }) =>
+      `The notice to ${to} ${state === "waiting" ? "is not delivered yet" : "was given up"}${error ? `: ${error}` : "."}`);
+    this.#notes.replaceChildren(...[...job.notes, ...untold].map((note) => h("li", {}, note)));
+    this.#notes.hidden = !this.#notes.childElementCount;
     setText(this.#spec, JSON.stringify(job.spec, null, 2));
     this.#fetch();
   }
@@ -110,8 +106,6 @@ export class Records {
     if (!job) return;
     const state = job.finished_at ?? "";
     if (this.#slices.open && this.#due("slices", state)) this.#fetchSlices(job).catch(complain);
-    const left = state && this.#commands.length < job.spec.then.length;
-    if (left && this.#due("commands", "")) this.#fetchCommands(job).catch(complain);
     if (this.#logBox.open && this.#due("log", state)) this.#fetchLog(job).catch(complain);
   }
 
@@ -124,14 +118,6 @@ export class Records {
     if (before && before.state === state && (state || Date.now() < before.at + EVERY_MS)) return false;
     this.#fetchedAt.set(what, { state, at: Date.now() });
     return true;
-  }
-
-  /** @param {Api.JobView} job */
-  async #fetchCommands(job) {
-    /** @type {Api.Happened} */
-    const { events } = await get(job.links.events, this.#signal);
-    this.#commands = events.filter(({ type }) => type === "command").map((event) => ({ ...event, data: { ...event.data, at: event.at } }));
-    this.#showStory();
   }
 
   /** @param {Api.JobView} job */
@@ -176,10 +162,6 @@ function told({ type, data }) {
   if (type === "image") return [`The first image is there, of ${whole(data.spp)} spp.`];
   if (type === "finished") return ["The final images are written."];
   if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
-  if (type === "command") {
-    const how = data.exit_code === 0 ? "has ended well" : data.exit_code == null ? "did not end by itself" : `ended with exit code ${data.exit_code}`;
-    return [`The command ${data.name} ${how}${data.words ? `: ${data.words}` : "."}`];
-  }
   const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";
   return [h("b", { class: "state", "data-state": data.to }, inWords(data.to)), reason];
 }

@@ -88,29 +88,22 @@ export const WORKERS = [
  */
 export const PLACES = {};
 
-/** @type {FieldAbout[]} */
-export const AT_ITS_END = [
-  { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
-  { name: "then", label: "Then", help: "Commands that the farm's operator allows, by their names, separated by commas. They are started at its end." },
+/** Who hears of its end. @type {FieldAbout[]} */
+export const NOTICE = [
+  { name: "targets", label: "Notify", help: "Targets that the farm's operator has named, separated by commas." },
+  { name: "url", label: "URL", placeholder: "https://…", help: "A signed message is sent there. Empty: none." },
+  { name: "secret", label: "Its secret" },
 ];
 
 /**
- * Offers what the farm's operator has named; without names, the fields take text.
- * @param {{ targets: string[], commands: string[] }} named
+ * Offers the targets that the farm's operator has named; without any, the field takes text.
+ * @param {{ targets: string[] }} named
  */
-export function offer({ targets, commands }) {
-  const [notify, then] = AT_ITS_END;
-  for (const [field, names, help] of /** @type {[FieldAbout, string[], string][]} */ ([
-    [notify, targets, "Who hears of its end."], [then, commands, "What is started at its end."],
-  ])) if (names.length) Object.assign(field, { choices: Object.fromEntries(names.map((one) => [one, one])), help: `${help} Several with Ctrl or Shift.` });
+export function offer({ targets }) {
+  if (!targets.length) return;
+  const choices = Object.fromEntries(targets.map((one) => [one, one]));
+  Object.assign(NOTICE[0], { choices, help: "Several with Ctrl or Shift." });
 }
-
-/** @type {FieldAbout[]} */
-export const WEBHOOK = [
-  { name: "url", label: "Webhook", placeholder: "https://…", optional: true, help: "A message is sent there for each event. Empty: none." },
-  { name: "events", label: "Its events" },
-  { name: "secret", label: "Its secret" },
-];
 
 /**
  * Completes the fields by the service's schema of a spec.
@@ -119,9 +112,9 @@ export const WEBHOOK = [
 export function describe(schema) {
   const parts = schema.$defs ?? {};
   Object.assign(PLACES, parts.ViewSpec?.["x-places"]);
-  for (const fields of [LIMITS, MORE, WORKERS, AT_ITS_END]) complete(fields, schema);
+  for (const fields of [LIMITS, MORE, WORKERS]) complete(fields, schema);
   for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
-    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [WEBHOOK, "WebhookSpec"],
+    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [NOTICE, "NoticeSpec"],
   ])) complete(fields, parts[part]);
 }
 

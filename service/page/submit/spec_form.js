@@ -3,7 +3,7 @@
 import { h } from "../shared/dom.js";
 import { Field, fieldsOf } from "../shared/form_fields.js";
 import { say } from "../shared/notices.js";
-import { AOVS, AT_ITS_END, EXR, LIMITS, MORE, PLACES, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
+import { AOVS, EXR, LIMITS, MORE, NOTICE, PLACES, VIEW, WORKERS } from "../shared/spec_fields.js";
 import { AllocationChoice } from "./allocation_choice.js";
 import { DenoiseChoice } from "./denoise_choice.js";
 import { RuleChoice } from "./rule_choice.js";
@@ -19,8 +19,7 @@ export class SpecForm {
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #workers = fieldsOf("spec", WORKERS);
-  #atItsEnd = fieldsOf("spec", AT_ITS_END);
-  #webhook = fieldsOf("spec.webhook", WEBHOOK);
+  #notice = fieldsOf("spec.notice", NOTICE);
   #exr = fieldsOf("spec.exr", EXR);
   #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
   #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
@@ -45,7 +44,7 @@ export class SpecForm {
       (this.#details = h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
         h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
-        h("fieldset", {}, h("legend", {}, "Who hears of it, and what comes then?"), h("div", { class: "fields" }, this.#atItsEnd.elements, this.#webhook.elements)),
+        h("fieldset", {}, h("legend", {}, "Who hears of its end?"), h("div", { class: "fields" }, this.#notice.elements)),
         h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
           Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
         h("div", { class: "fields small" }, this.#exr.elements),
@@ -67,14 +66,15 @@ export class SpecForm {
   }
 
   /**
-   * Shows the spec of a job, but for its parameters and its webhook, of which only its owner knows the whole.
+   * Shows the spec of a job, but for its parameters and the URL of its notice, of which only its owner knows the whole.
    * @param {Api.JobSpec} spec
    */
   fill(spec) {
     const { zones, frame_seed, view, aovs } = spec;
     this.#kept = { zones, frame_seed };
     this.#keptView = view.focus ? { focus: view.focus } : {};
-    for (const part of [this.#limits, this.#more, this.#workers, this.#atItsEnd]) part.fill(spec);
+    for (const part of [this.#limits, this.#more, this.#workers]) part.fill(spec);
+    this.#notice.fill({ targets: spec.notice.targets });
     this.#view.fill(view);
     this.#exr.fill(spec.exr);
     this.#background.fill(view.background.some(Boolean) ? view.background : "");
@@ -88,7 +88,7 @@ export class SpecForm {
   }
 
   get fields() {
-    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#atItsEnd, this.#webhook, this.#exr];
+    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#notice, this.#exr];
     return [...this.rule.fields, ...this.#allocation.fields, ...groups.flatMap(({ fields }) => fields), this.#background];
   }
 
@@ -105,11 +105,9 @@ export class SpecForm {
   /** The spec, without parameters. */
   values() {
     const background = this.#background.value;
-    const webhook = this.#webhook.values();
     return {
-      ...this.#kept, ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#atItsEnd.values(),
+      ...this.#kept, ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), notice: this.#notice.values(),
       ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
-      ...(webhook.url && { webhook }),
       view: { ...this.#keptView, ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
       aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
       exr: this.#exr.values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,

@@ -121,12 +121,12 @@ class Submission {
    */
   #fill(job) {
     const { scene_sha256: sha256, spec } = job;
-    const { webhook, shot } = spec;
+    const { notice, shot } = spec;
     this.#spec.fill(spec);
     this.#given = spec.parameters;
     this.#again = { job, had: { ...this.#spec.values(), parameters: spec.parameters } };
     setText(this.#hint, ["A new job renders the same scene, as you ask for it below. It keeps the samples that there are, where your changes allow it; another seed draws others.",
-      webhook ? "The job's webhook is left out: add it, if it is to hear of the new job." : "",
+      notice.url ? "The URL of the job's notice is left out: add it, if it is to hear of the new job." : "",
       shot ? "The new job is no frame of the shot." : ""].filter(Boolean).join(" "));
     this.#hint.hidden = false;
     this.#take({ sha256 });

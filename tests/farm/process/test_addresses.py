@@ -1,4 +1,4 @@
-"""The farm sends webhooks to public addresses, and to what its owner names; in no disguise else."""
+"""The farm sends notices to public addresses, and to what its owner names; in no disguise else."""
 
 import pytest
 

@@ -12,7 +12,6 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
@@ -29,13 +28,14 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts, commands
 from plateau.farm.redis.wake import Wake
+from tests.support.farms.receiver import SECRET
 from tests.support.redis.redis_commands import named
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 from tests.support.until import until
 
 VARIANTS = ("scalar_rgb",)
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
-HOOK = {"url": "https://studio.example/hook", "events": ("rendering", "failed")}
+NOTICE = {"url": "https://studio.example/hook", "secret": SECRET}
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     key, _ = ApiKeys(login("admin")).create("anna", Role.SUBMITTER, LIMITS)
 
     def job(**spec: object) -> str:
-        whole = JobSpec.model_validate({"webhook": HOOK, **spec})
+        whole = JobSpec.model_validate({"notice": NOTICE, **spec})
         made = jobs.create(whole, name="box", scene_sha256="00", owner=key.id).job
         owned = owners.acquire(made.id)
         assert owned is not None
@@ -117,9 +117,8 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     worker.fail(lease(worker), "no such plugin", 0.1, "words")
     assert jobs.get(third).state is JobState.FAILED
     worker.leave()
-    # Then nothing was refused, and webhooks have been told
+    # Then nothing was refused
     assert client.acl_log() == []
-    assert [one.event for one in Outbox(login("api")).deliveries(third)] == ["rendering", "failed"]
     assert client.scard(f"plateau:key:{key.id}:open") == 1
 
 
@@ -134,13 +133,12 @@ def never() -> Stop:
 
 JOB = "0123456789ab"
 WITHHELD = [
-    *(("hget", keys.job(JOB, "webhook"), "secret"), ("hset", keys.job(JOB, "webhook"), "url", "x")),
+    *(("zrange", keys.NOTICES, 0, -1), ("zadd", f"{keys.NOTICES}:ops", 0, JOB)),
     *(("hgetall", keys.job(JOB, "sealed")), ("hset", keys.job(JOB, "sealed"), "owner", JOB)),
-    *(("get", keys.WEBHOOK_SECRET), ("get", keys.OLD_WEBHOOK_SECRET)),
     *(("hgetall", keys.API_KEYS), ("hset", keys.API_KEYS, JOB, "{}"), ("hgetall", "plateau:keys")),
     *(("set", f"plateau:key:{JOB}:rate", "0"), ("zrange", keys.jobs_of_key(JOB), 0, -1)),
     *(("set", keys.job(JOB, "owner"), "9"), ("incr", keys.job(JOB, "fence"))),
-    *(("xadd", keys.job(JOB, "curve"), "*", "point", "{}"), ("del", keys.job(JOB, "tries"))),
+    ("xadd", keys.job(JOB, "curve"), "*", "point", "{}"),
     *(("zrange", keys.BATCHES, 0, -1), ("zadd", keys.batch("walk"), 1, JOB)),
     *(("hgetall", keys.SCENES), ("get", "plateau:idempotency:x"), ("zrange", keys.JOBS, 0, -1)),
     *(("zrange", keys.MONITORS, 0, -1), ("hgetall", keys.monitor("m"))),
@@ -180,7 +178,7 @@ def test_a_worker_runs_no_command_that_is_not_for_workers(
 ) -> None:
     monitor_comes(login)
     jobs, worker = Jobs(login("api")), Scripts(login("worker"))
-    job = jobs.create(JobSpec(webhook=HOOK), name="box", scene_sha256="00").job
+    job = jobs.create(JobSpec(notice=NOTICE), name="box", scene_sha256="00").job
     before = {key: client.dump(key) for key in client.keys("*")}
     # Though it may run the script in which they all are, and whatever it says with them
     for command in commands("farm"):

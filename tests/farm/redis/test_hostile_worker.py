@@ -18,11 +18,10 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.jobs import Continue, NewJob
-from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.support.redis.lost_answers import ABOUT, HOOK, WORKER, commit
+from tests.support.redis.lost_answers import ABOUT, NOTICE, WORKER, commit
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
 #: Adding one to these changes nothing.
@@ -49,8 +48,8 @@ def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
 
 @pytest.fixture
 def job(login: Login) -> Ownership:
-    """A job with slices to be rendered, and a webhook."""
-    spec = JobSpec(step=100, slice_spp=50, webhook=HOOK)
+    """A job with slices to be rendered, and a notice."""
+    spec = JobSpec(step=100, slice_spp=50, notice=NOTICE)
     made = Jobs(login("api")).create(spec, name="box", scene_sha256="00").job
     owners = Ownerships(login("monitor"), 60)
     owned = owners.acquire(made.id)
@@ -79,19 +78,6 @@ def test_a_prefix_that_cannot_grow_ends_nevertheless(
     # Then a commit is answered, and the first slice that is missing holds the image up
     assert commit(queue, first) is Committed.COMMITTED
     assert worker.hget(keys.job(job.job_id), "prefix") == "1"
-
-
-@pytest.mark.parametrize("number", NO_MORE)
-def test_a_job_with_a_wrong_count_of_messages_can_be_forgotten(
-    login: Login, job: Ownership, number: str
-) -> None:
-    jobs, owners = Jobs(login("api")), Ownerships(login("monitor"), 60)
-    jobs.cancel(job.job_id)
-    owners.finish(job, keeps_sums=False)
-    login("worker").hset(keys.job(job.job_id), "webhook_count", number)
-    assert Scripts(login("monitor")).run(Forget(job=job.job_id, finished_for_ms=0)) == "forgotten"
-    assert jobs.search() == ([], None)
-    assert login("monitor").zcard(keys.RECEIVERS) == 0
 
 
 @pytest.mark.parametrize("number", [*NO_MORE, "1e12"])
@@ -186,7 +172,7 @@ def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     api_keys = ApiKeys(login("admin"))
     anna, bert = (api_keys.create(name, Role.SUBMITTER, limits)[0].id for name in ("anna", "bert"))
     jobs = Jobs(login("api"))
-    spec = JobSpec(step=100, slice_spp=50, batch="walk", webhook=HOOK)
+    spec = JobSpec(step=100, slice_spp=50, batch="walk", notice=NOTICE)
     annas, nobodys = (
         jobs.create(spec, name="box", scene_sha256="00", owner=owner).job.id for owner in (anna, "")
     )
@@ -203,5 +189,11 @@ def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     assert jobs.search(owner=bert, batch="walk") == jobs.search(owner=bert) == ([], None)
     steered = Batches(login("api")).steer("walk", Steer.CANCEL, may_touch=lambda who: who == bert)
     assert {one.why_not for one in steered} == {"it belongs to another API key"}
-    messages = [Outbox(login("monitor")).take(60) for _ in range(2)]
-    assert {message and message.job.owner_name for message in messages} == {"anna", None}
+    owners = Ownerships(login("monitor"), 60)
+    for job_id in (annas, nobodys):
+        jobs.cancel(job_id)
+        owned = owners.acquire(job_id)
+        assert owned is not None
+        owners.finish(owned, keeps_sums=False)
+    notices = [Outbox(login("monitor")).take(60) for _ in range(2)]
+    assert {one and one.job.owner_name for one in notices} == {"anna", None}

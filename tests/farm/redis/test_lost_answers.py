@@ -17,7 +17,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import commands
 from tests.support.faults.redis_proxy import RedisProxy
-from tests.support.redis.lost_answers import CASES, REPEATS_DIFFER, World, written_by
+from tests.support.redis.lost_answers import CASES, NOTICE, REPEATS_DIFFER, World, written_by
 
 #: Commands that only read.
 _READ: Final = {"batches", "budget_used", "census"}
@@ -30,7 +30,7 @@ _SCORED_BY_TIME: Final = {
     keys.LEASES,
     keys.KINDS,
     keys.SCENES_USED,
-    keys.RECEIVERS,
+    keys.NOTICES,
 }
 _TIMES: Final = {keys.HEARD, keys.GRACE, keys.API_KEYS_USED, keys.SWEPT}
 
@@ -64,7 +64,7 @@ def state(client: redis.Redis) -> dict[str, Any]:
             found[key] = client.smembers(key)
         elif kind == "zset":
             scored = client.zrange(key, 0, -1, withscores=True)
-            timed = key in _SCORED_BY_TIME or key.startswith(f"{keys.RECEIVERS}:due:")
+            timed = key in _SCORED_BY_TIME or key.startswith(f"{keys.NOTICES}:")
             found[key] = {member: None if timed else score for member, score in scored}
         else:
             groups = client.xinfo_groups(key)
@@ -145,15 +145,15 @@ def test_a_job_that_was_taken_by_nobody_is_free_again_soon(
     assert owned.token == "2"
 
 
-def test_a_message_that_was_taken_by_nobody_is_sent_by_another_try(
+def test_a_notice_that_was_taken_by_nobody_is_sent_by_another_try(
     client: redis.Redis, world: World, proxy: RedisProxy
 ) -> None:
     world.load_scripts()
-    world.job(webhook=True)
+    world.finished(notice=NOTICE)
     do_and_lose_the_answer(world, proxy, lambda: world.outbox.take(0.05))
     while (taken := world.outbox.take(0.05)) is None:
         pass
-    assert (taken.number, taken.tries) == (1, 2)
+    assert taken.tries == 2
 
 
 def test_requests_that_were_granted_to_nobody_are_the_keys_loss(
@@ -166,16 +166,3 @@ def test_requests_that_were_granted_to_nobody_are_the_keys_loss(
     while world.allowance.seconds_to_wait(key) == 0:
         granted += 1
     assert granted == 18
-
-
-def test_a_secret_that_nobody_saw_does_not_end_the_one_that_receivers_know(
-    world: World, proxy: RedisProxy
-) -> None:
-    [known] = world.outbox.farm_secrets()
-    write = world.outbox.renew_farm_secret
-    do_and_lose_the_answer(world, proxy, write)
-    shown = write()
-    signing = world.outbox.farm_secrets()
-    assert signing[0] == shown
-    assert known in signing
-    assert len(signing) == 3

@@ -6,12 +6,16 @@ from typing import Any
 
 import httpx
 import pytest
+import redis
 from playwright.sync_api import Page, expect
 
+from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.receiver import SECRET
+from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 PARAMETERS = {"width": "64", "height": "48"}
@@ -152,14 +156,14 @@ def test_kept_slices_are_judged_again_under_another_view(
     assert farm.jobs.get(new.id).machine_s == 0
 
 
-def test_a_webhook_is_left_out_and_the_form_says_so(
+def test_a_notice_s_url_is_left_out_and_the_form_says_so(
     visit: Visit, farm: NoiseFarm, url: str
 ) -> None:
-    first = ended(farm, url, webhook={"url": "https://studio.example/hook"})
+    first = ended(farm, url, notice={"url": "https://studio.example/hook", "secret": SECRET})
     page = visit(f"/submit?again={first['id']}", expected={404}).page
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
-    expect(page.get_by_text("The job's webhook is left out")).to_be_visible()
-    assert sent(page, farm)["webhook"] is None
+    expect(page.get_by_text("The URL of the job's notice is left out")).to_be_visible()
+    assert sent(page, farm)["notice"] == {"url": None, "targets": []}
 
 
 def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
@@ -173,3 +177,16 @@ def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm)
     page = visit(f"/jobs/{farm.submit('box').id}").page
     expect(page.get_by_role("heading", name="box")).to_be_visible()
     expect(page.get_by_role("link", name="Again…")).to_have_count(0)
+
+
+def test_a_notice_that_is_not_delivered_is_said(visit: Visit, client: redis.Redis) -> None:
+    job = StagedJob(client, notice={"url": "https://studio.example/hook", "secret": SECRET})
+    job.end(JobState.CANCELLED, "not needed")
+    job.finish()
+    taken = Outbox(client).take(60)
+    assert taken is not None
+    Outbox(client).settle(taken, "given-up", "the receiver answered 410")
+    page = visit(f"/jobs/{job.id}", expected={404}).page
+    expect(page.locator(".notes")).to_have_text(
+        "The notice to https://studio.example:443 was given up: the receiver answered 410"
+    )

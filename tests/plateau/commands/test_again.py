@@ -15,6 +15,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.farms.receiver import SECRET
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 400, "rule": {"name": "fixed", "spp": 40}}
 
@@ -84,7 +85,7 @@ def test_a_scene_is_rendered_anew_with_what_was_changed(farm: NoiseFarm) -> None
         "view": {"exposure_ev": 1.0, "focus": [[1.0, 0.5]]},
         "watch": [{"name": "visible"}],
         "keep_slices": True,
-        "webhook": {"url": "https://studio.example/hook"},
+        "notice": {"url": "https://studio.example/hook", "secret": SECRET},
     }
     url = f"{os.environ['PLATEAU_URL']}/v1/jobs"
     files |= {"spec": ("spec.json", json.dumps(asked))}
@@ -98,13 +99,13 @@ def test_a_scene_is_rendered_anew_with_what_was_changed(farm: NoiseFarm) -> None
     assert f"renders job {old['id']} anew: none of its samples are left" in err
     new = farm.jobs.get(out.strip())
     assert new.scene_sha256 == old["scene_sha256"]
-    # Then what was given is another, the rest is as it was, and the webhook is left out
+    # Then what was given is another, the rest is as it was, and the notice's URL is left out
     assert new.spec.model_dump(mode="json") == {
         **old["spec"],
         "max_spp": 600,
         "parameters": {"width": "32", "height": "48"},
         "view": {**old["spec"]["view"], "white_luminance": 300},
-        "webhook": None,
+        "notice": {"url": None, "targets": []},
     }
     code, _, err = plateau("again", old["id"], "--max-spp", "0")
     assert (code, "spec.max_spp" in err) == (1, True)

@@ -133,7 +133,7 @@ class TestThePatchOfASpec:
             {"rule": {"window": 7}},  # of two rules, of which the old job has one
             {"watch": [{"name": "reverse"}, {"name": "visible", "target": 0.1}]},
             {"view": {"exposure_ev": -1, "primaries": None}},
-            {"zones": [2, 3], "webhook": {"url": "https://studio.example/"}},
+            {"zones": [2, 3], "notice": {"url": "https://studio.example/"}},
             {"parameters": {"width": 64, "film": None}},
         ],
     )

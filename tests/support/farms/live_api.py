@@ -8,7 +8,6 @@ import uvicorn
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
-from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.costs import Price
@@ -32,7 +31,6 @@ def live_api(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
-    commands: AllowedCommands | None = None,
     placing: Placing | None = None,
     grace_s: int = 8,
     price: Price | None = None,
@@ -52,7 +50,6 @@ def live_api(
         access=access,
         webhook_allow=webhook_allow,
         targets=targets,
-        commands=commands,
         placing=placing,
         price=price,
     )

@@ -1,4 +1,4 @@
-"""A real receiver of webhooks, by http or https, that answers what a test tells it to."""
+"""A real receiver of notices, by http or https, that answers what a test tells it to."""
 
 import ssl
 import threading

@@ -32,7 +32,7 @@ KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "f
 _OF_THE_FARM = {
     *(keys.SCHEMA, keys.STORE, "plateau:created", keys.SCENES, keys.SCENES_USED, keys.SWEPT),
     *(keys.HEARD, keys.GRACE, keys.TOTALS, keys.MONITORS, keys.KINDS),
-    *(keys.WORKERS, keys.API_KEYS, keys.API_KEYS_USED, keys.WEBHOOK_SECRET),
+    *(keys.WORKERS, keys.API_KEYS, keys.API_KEYS_USED),
 }
 #: And those of a day, of an hour, and until somebody is woken.
 _FOR_A_WHILE = (
@@ -136,9 +136,7 @@ def check_job(
     assert set(store.names(f"jobs/{job_id}/")) == expected
     # And Redis keeps nothing that only a running job needs
     left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))
-    kept = KEPT | ({"sealed"} if job.owner else set())
-    if job.spec.webhook is not None:
-        kept |= {"webhook", "deliveries", "tries"}
+    kept = KEPT | ({"sealed"} if job.owner or job.spec.notice.receivers else set())
     assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= kept
     assert client.zscore(keys.OPEN, job_id) is None
     assert not client.sismember(keys.UNFINISHED, job_id)

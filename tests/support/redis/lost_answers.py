@@ -32,10 +32,11 @@ from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
+from tests.support.farms.receiver import SECRET
 
 WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0
-HOOK: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "events": ("queued",)}
+NOTICE: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "secret": SECRET}
 SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
 RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
 SHA256: Final = {"image.png": "ab" * 32, "image.exr": "cd" * 32}
@@ -67,12 +68,8 @@ class World:
         """Have Redis know all scripts, so that a call of one is one command."""
         Scripts(self.direct).load()
 
-    def job(
-        self, *, slices: int = 2, owned: bool = True, webhook: bool = False, **spec: Any
-    ) -> str:
+    def job(self, *, slices: int = 2, owned: bool = True, **spec: Any) -> str:
         """A new job with so many slices planned."""
-        if webhook:
-            spec["webhook"] = HOOK
         wanted = JobSpec(**{**SPEC, **spec})
         made = Jobs(self.direct).create(wanted, name="box.xml", scene_sha256="0" * 64)
         if owned:
@@ -154,7 +151,7 @@ class Case:
 CASES: dict[str, Case] = {}
 
 #: Commands that do something more when they are repeated: each has a test of its own.
-REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_delivery", "take", "renew_farm_secret"})
+REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_notice", "take"})
 
 
 def written_by(name: str) -> str:
@@ -328,7 +325,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("end")
 def _(world: World) -> Callable[[], object]:
-    world.committed(webhook=True)
+    world.committed(notice=NOTICE)
     verdict = {"slope": 0.01}
     state, why = JobState.CONVERGED, "levelled off"
     return lambda: world.owners.end(world.owned, state, "rule", why, verdict, RESULTS, SHA256)
@@ -364,30 +361,20 @@ def _(world: World) -> Callable[[], object]:
     return lambda: work.heartbeat(3)
 
 
-@case("settle_delivery: delivered", again=True)
+@case("settle_notice: delivered", again=True)
 def _(world: World) -> Callable[[], object]:
-    world.job(webhook=True)
+    world.finished(notice=NOTICE)
     taken = Outbox(world.direct).take(LEASE_S)
     assert taken is not None
-    return lambda: world.outbox.settle(taken, "delivered", status=200, error="", took_s=0.1)
+    return lambda: world.outbox.settle(taken, "delivered")
 
 
-@case("settle_delivery: failed", again=False)
+@case("settle_notice: failed", again=False)
 def _(world: World) -> Callable[[], object]:
-    world.job(webhook=True)
+    world.finished(notice=NOTICE)
     taken = Outbox(world.direct).take(LEASE_S)
     assert taken is not None
-    return lambda: world.outbox.settle(
-        taken, "failed", status=500, error="no", took_s=0.1, delay_s=60.0
-    )
-
-
-@case("renew_delivery", again=True, writes_only_times=True)
-def _(world: World) -> Callable[[], object]:
-    world.job(webhook=True)
-    taken = Outbox(world.direct).take(LEASE_S)
-    assert taken is not None
-    return lambda: world.outbox.renew(taken, LEASE_S)
+    return lambda: world.outbox.settle(taken, "failed", "no", 60.0)
 
 
 @case("forget", "missing")
@@ -415,7 +402,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("create", lambda made: made.repeated and not made.conflict, answers_before=1)
 def _(world: World) -> Callable[[], object]:
-    spec = JobSpec(**SPEC, webhook=HOOK, batch="frames")
+    spec = JobSpec(**SPEC, notice=NOTICE, batch="frames")
     return lambda: world.jobs.create(
         spec, name="box.xml", scene_sha256="0" * 64, idempotency_key="once", digest="d"
     )
@@ -432,7 +419,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("end: cancelled by a user", lambda job: job.state is JobState.CANCELLED)
 def _(world: World) -> Callable[[], object]:
-    job = world.leased(webhook=True).job_id
+    job = world.leased(notice=NOTICE).job_id
     return lambda: world.jobs.cancel(job)
 
 
@@ -565,22 +552,7 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.keys.revoke(key.id)
 
 
-@case("farm_secrets", lambda secrets: len(secrets) == 1)
-def _(world: World) -> Callable[[], object]:
-    return lambda: world.outbox.farm_secrets()
-
-
 @case("drain")
 def _(world: World) -> Callable[[], object]:
     world.heartbeat()
     return lambda: world.workers.drain(WORKER)
-
-
-@case("redeliver", lambda delivery: delivery.state == "waiting")
-def _(world: World) -> Callable[[], object]:
-    job = world.job(webhook=True)
-    outbox = Outbox(world.direct)
-    taken = outbox.take(LEASE_S)
-    assert taken is not None
-    outbox.settle(taken, "given-up", status=410, error="gone", took_s=0.1)
-    return lambda: world.outbox.redeliver(job, 1)

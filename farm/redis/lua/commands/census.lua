@@ -84,9 +84,9 @@ function for_farm.census(it)
     monitors, owned = monitors + 1, owned + (about.jobs or 0)
   end
 
-  local webhooks = 0
-  for _, receiver in ipairs(redis.call('ZRANGE', RECEIVERS, 0, -1)) do
-    webhooks = webhooks + redis.call('ZCARD', Outbox.due_key(receiver))
+  local notices = 0
+  for _, receiver in ipairs(redis.call('ZRANGE', NOTICES, 0, -1)) do
+    notices = notices + redis.call('ZCARD', Outbox.due_key(receiver))
   end
 
   local totals, flat = {}, redis.call('HGETALL', TOTALS)
@@ -94,7 +94,7 @@ function for_farm.census(it)
 
   return {
     now = now(), jobs = jobs, unserved = unserved, demand = demand, oldest = oldest,
-    webhooks = webhooks,
+    notices = notices,
     workers = workers, monitors = monitors, owned = owned, stored = redis.call('ZCARD', JOBS),
     created = redis.call('GET', PREFIX .. 'created') or '0', totals = totals,
   }

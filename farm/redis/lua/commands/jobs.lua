@@ -63,12 +63,6 @@ for_farm['continue'] = function(it)
     end
     if (before[7] or '') ~= '' then Job.show(id, before[7], before[8]) end
   end
-  -- No user sees a webhook's secret again, so a new spec for the same receiver takes over the old one.
-  local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')
-  local told = redis.call('HMGET', job_key(old, 'webhook'), 'receiver', 'secret')
-  if hook[1] and hook[2] == '' and hook[1] == told[1] then
-    redis.call('HSET', job_key(id, 'webhook'), 'secret', told[2])
-  end
   Job.move(id, 'rendering', 'goes on after ' .. slices .. ' slices of job ' .. old)
   return {outcome = 'created', job = id}
 end

@@ -142,6 +142,7 @@ function for_farm.finish(it)
   redis.call('SREM', UNFINISHED, id)
   redis.call('DEL', job_key(id, 'owner'), job_key(id, 'seeds'))
   Outbox.announce(id, 'finished', {})
+  Outbox.fill(id)
   After.settle(id)
   return 'finished'
 end

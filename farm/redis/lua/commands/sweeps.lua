@@ -29,7 +29,7 @@ function for_farm.forget(it)
   Job.leave_batch(id)
   local owner = redis.call('HGET', job_key(id, 'sealed'), 'owner')
   if owner then redis.call('ZREM', api_key_key(owner, 'jobs'), id) end
-  Outbox.drop_deliveries(id)
+  Outbox.drop(id)
   redis.call('UNLINK', job_key(id))
   for _, part in ipairs(JOB_PARTS) do redis.call('UNLINK', job_key(id, part)) end
   return 'forgotten'

@@ -387,7 +387,7 @@ def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
     assert changed(view={"exposure_ev": 2}).view.exposure_ev == 2
     assert changed(max_spp=None).max_spp == 10_000
     # A null takes away what is there, or may be, and no field has a name that nobody knows
-    assert changed(batch=None, webhook=None, parameters={"w": None}) == spec
+    assert changed(batch=None, notice=None, parameters={"w": None}) == spec
     for unknown in ({"typo": None}, {"view": {"typo": None}}, {"rule": {"typo": None}}):
         with pytest.raises(ValidationError, match="typo"):
             changed(**unknown)

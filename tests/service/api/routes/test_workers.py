@@ -19,6 +19,7 @@ from plateau.service.api.access.key_guard import Access
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
+from tests.support.farms.receiver import SECRET
 from tests.support.until import until
 
 LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
@@ -166,8 +167,8 @@ def test_a_worker_is_blocked_for_a_job(http: httpx.Client, worker: str) -> None:
 def test_a_failed_job_is_rendered_again_on_other_workers(
     http: httpx.Client, client: redis.Redis, worker: str
 ) -> None:
-    hook = '"webhook": {"url": "https://studio.example/a"}'
-    job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {hook}}}')
+    notice = f'"notice": {{"url": "https://studio.example/a", "secret": "{SECRET}"}}'
+    job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {notice}}}')
     problem(http.post(job["links"]["again"], json={}), 409, "job-not-ended")
     owners = Ownerships(client, lease_s=60)
     owned = owners.acquire(job["id"])
@@ -183,7 +184,7 @@ def test_a_failed_job_is_rendered_again_on_other_workers(
     assert (first.status_code, first.headers["Location"]) == (201, f"/v1/jobs/{again['id']}")
     assert (second.json()["id"], second.headers["Idempotency-Replayed"]) == (again["id"], "true")
     assert (again["name"], again["spec"]["seed"], again["state"]) == ("kitchen", 3, "queued")
-    assert (again["spec"]["blocked"], again["spec"]["webhook"]) == (["old", worker], None)
+    assert (again["spec"]["blocked"], again["spec"]["notice"]["url"]) == (["old", worker], None)
     assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
     assert again["again"] == {"of": job["id"], "kept_spp": 0, "why": "gone"}
     unblocked = http.post(job["links"]["again"], json={"blocked": []}).json()

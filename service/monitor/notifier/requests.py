@@ -1,4 +1,4 @@
-"""The request that delivers a webhook: guarded, bounded and signed.
+"""The request that POSTs a notice: guarded, bounded and signed.
 
 It uses httpcore and not httpx, because httpx does not let the caller choose the address. httpcore
 follows no redirects and uses no proxies. Signing takes five lines, so it needs no library; the
@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import httpcore
 
-from plateau.farm.model.spec.webhook import SECRET_PREFIX
+from plateau.farm.model.spec.notice import SECRET_PREFIX
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
 
 CONNECT_S: Final = 5.0
@@ -51,24 +51,22 @@ def tls_context() -> ssl.SSLContext:
     return httpx.create_ssl_context()
 
 
-def signed_headers(
-    message_id: str, at: datetime, body: bytes, secrets: Iterable[str]
-) -> dict[str, str]:
-    """The headers of Standard Webhooks, with a signature by each secret.
+def signed_headers(message_id: str, at: datetime, body: bytes, secret: str) -> dict[str, str]:
+    """The headers of Standard Webhooks.
 
-    `message_id` is the same for every try, `at` the time of this one. `secrets` are keys in base64
+    `message_id` is the same for every try, `at` the time of this one. `secret` is a key in base64
     after ``whsec_``.
     """
     timestamp = int(at.timestamp())
     signed = f"{message_id}.{timestamp}.".encode() + body
-    keys = (base64.b64decode(secret.removeprefix(SECRET_PREFIX)) for secret in secrets)
-    signatures = (base64.b64encode(hmac.digest(key, signed, "sha256")).decode() for key in keys)
+    key = base64.b64decode(secret.removeprefix(SECRET_PREFIX))
+    signature = base64.b64encode(hmac.digest(key, signed, "sha256")).decode()
     return {
         "content-type": "application/json",
         "user-agent": f"Plateau/{version('plateau')}",
         "webhook-id": message_id,
         "webhook-timestamp": str(timestamp),
-        "webhook-signature": " ".join(f"v1,{one}" for one in signatures),
+        "webhook-signature": f"v1,{signature}",
     }
 
 
@@ -76,7 +74,7 @@ class Requests:
     """Sends requests to allowed receivers, with time-outs for connecting and for everything.
 
     `tls` makes the TLS context at its first use: that takes a tenth of a second, and most farms
-    have no webhooks.
+    POST no notice.
     """
 
     def __init__(

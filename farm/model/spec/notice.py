@@ -1,19 +1,14 @@
-"""A job's webhook, as its user asks for it."""
+"""Who hears that a job has ended, as its user asks for it."""
 
 import base64
 import binascii
 import re
-from typing import Final, Literal, get_args
+from typing import Final
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, field_validator
 
-WebhookEvent = Literal[
-    "queued", "rendering", "paused", "converged", "exhausted", "cancelled", "failed", "finished"
-]
-
-#: All but ``queued``, which is no news to the user who submits the job.
-DEFAULT_EVENTS: Final[tuple[WebhookEvent, ...]] = get_args(WebhookEvent)[1:]
+from plateau.farm.model.place_names import Tags
 
 SECRET_PREFIX: Final = "whsec_"
 _SECRET_BYTES: Final = range(24, 65)  # as Standard Webhooks has it
@@ -22,35 +17,37 @@ _PORTS: Final = {"https": 443, "http": 80}
 _HIDDEN: Final = "/..."
 
 
-class WebhookSpec(BaseModel):
-    """Who is told of a job's changes, in requests signed as Standard Webhooks has it."""
+class NoticeSpec(BaseModel):
+    """Who is told that the job has ended: a URL, by a signed POST, and the operator's targets."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 
-    url: str = Field(
+    url: str | None = Field(
+        default=None,
         max_length=2000,
         description="where a message is POSTed: https; a private address, or http, only where the "
         "farm's PLATEAU_WEBHOOK_ALLOW names it",
         json_schema_extra={"pattern": "^https?://"},
         examples=["https://studio.example/hooks/plateau"],
     )
-    events: tuple[WebhookEvent, ...] = Field(
-        default=DEFAULT_EVENTS,
-        max_length=len(DEFAULT_EVENTS) + 1,
-        description="the states to report, and `finished`: all results are written",
-        json_schema_extra={"minItems": 1},
-    )
     # Excluded wherever a spec is written, except in `JobSpec.as_request`.
     secret: SecretStr | None = Field(
         default=None,
         exclude=True,
-        description="signs the messages: `whsec_` and the base64 of 24 to 64 random bytes; without "
-        "one the farm's own does. It is never shown again",
+        description="signs that message, as Standard Webhooks has it: `whsec_` and the base64 of "
+        "24 to 64 random bytes. A URL needs one; it is never shown again",
+    )
+    targets: Tags = Field(
+        default=(),
+        description="names of targets that are notified when the job, or the whole of its batch, "
+        "has ended; the farm's operator names them",
     )
 
     @field_validator("url")
     @classmethod
-    def _a_url_to_post_to(cls, url: str) -> str:
+    def _a_url_to_post_to(cls, url: str | None) -> str | None:
+        if url is None:
+            return None
         if not re.fullmatch(r"[\x21-\x7e]+", url) or "\\" in url:
             raise ValueError("must be printable ASCII without spaces or backslashes")
         try:
@@ -70,13 +67,6 @@ class WebhookSpec(BaseModel):
             raise ValueError("must name no port 0")
         return url
 
-    @field_validator("events")
-    @classmethod
-    def _at_least_one(cls, events: tuple[WebhookEvent, ...]) -> tuple[WebhookEvent, ...]:
-        if not events:
-            raise ValueError("must be one at least: without any, nobody would be told anything")
-        return events
-
     @field_validator("secret")
     @classmethod
     def _a_secret_of_standard_webhooks(cls, secret: SecretStr | None) -> SecretStr | None:
@@ -88,26 +78,29 @@ class WebhookSpec(BaseModel):
         return secret
 
     @property
-    def parts(self) -> SplitResult:
-        """The parts of the URL."""
-        return urlsplit(self.url)
-
-    @property
-    def receiver(self) -> str:
-        """Scheme, host and port, without the path, which may be confidential."""
-        parts = self.parts
-        return f"{parts.scheme}://{parts.hostname}:{parts.port or _PORTS[parts.scheme]}"
+    def receivers(self) -> tuple[str, ...]:
+        """Scheme, host and port of the URL, whose path may be confidential, and the targets."""
+        if self.url is None:
+            return self.targets
+        parts = self._parts
+        port = parts.port or _PORTS[parts.scheme]
+        return (f"{parts.scheme}://{parts.hostname}:{port}", *self.targets)
 
     @property
     def is_hidden(self) -> bool:
-        """Whether this is a `hidden` webhook, whose URL leads nowhere."""
-        return self.url.endswith(_HIDDEN) and self.parts.path == _HIDDEN
+        """Whether this is a `hidden` notice, whose URL leads nowhere."""
+        return self.url is not None and self.url.endswith(_HIDDEN) and self._parts.path == _HIDDEN
 
-    def hidden(self) -> "WebhookSpec":
-        """The webhook without its secret and its path, which is often the only protection."""
-        return self.model_copy(
-            update={"url": f"{self.parts.scheme}://{self.parts.netloc}{_HIDDEN}", "secret": None}
-        )
+    def hidden(self) -> "NoticeSpec":
+        """The notice without its secret and the path of its URL, often the only protection."""
+        if self.url is None:
+            return self
+        url = f"{self._parts.scheme}://{self._parts.netloc}{_HIDDEN}"
+        return self.model_copy(update={"url": url, "secret": None})
+
+    @property
+    def _parts(self) -> SplitResult:
+        return urlsplit(self.url or "")
 
 
 def _is_secret(text: str) -> bool:

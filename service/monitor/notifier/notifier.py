@@ -1,8 +1,8 @@
-"""The delivery of webhooks and notifications by threads of a monitor.
+"""Delivers the notices of ended jobs, in threads of a monitor.
 
 All monitors share the outbox. The threads share nothing with the monitor's other work, so a silent
-receiver holds up no merge, and no delivery to another receiver. A killed monitor loses nothing: its
-deliveries return to the outbox when their leases expire.
+receiver holds up no merge, and no notice to another receiver. A killed monitor loses nothing: its
+notices return to the outbox when their leases expire.
 """
 
 import logging
@@ -20,21 +20,19 @@ from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.allowed_commands import AllowedCommands, read_commands
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.webhooks import TryEnd
+from plateau.farm.redis.commands.notices import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.wire.costs import Price
-from plateau.farm.wire.webhook_views import message
-from plateau.service.monitor.webhooks.commands import Commands
-from plateau.service.monitor.webhooks.notifications import Notifications, NotNotified
-from plateau.service.monitor.webhooks.requests import (
+from plateau.farm.wire.notice_views import message
+from plateau.service.monitor.notifier.notes import Notes, NotNotified
+from plateau.service.monitor.notifier.requests import (
     TOTAL_S,
     Answer,
     NoAnswer,
@@ -44,41 +42,38 @@ from plateau.service.monitor.webhooks.requests import (
 
 _LOG = logging.getLogger(__name__)
 
-_MOST: Final = 16  #: deliveries under way at once,
+_MOST: Final = 16  #: notices under way at once,
 _MOST_TO_ONE: Final = 2  #: those to one receiver,
-_MOST_COMMANDS: Final = 4  #: commands,
 _MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the last time
 _MOST_REMEMBERED: Final = 10_000  #: silent receivers
 
 _LEASE_S: Final = 2 * TOTAL_S
 _LOOK_S: Final = 1.0
 _RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait while Redis is away
-_GOODBYE_S: Final = 3.0  #: for which a stopping monitor waits for deliveries under way
+_GOODBYE_S: Final = 3.0  #: for which a stopping monitor waits for notices under way
 
 _GONE: Final = 410
 
 
 @contextmanager
-def delivering(settings: Settings, store: Blobs | None = None) -> Iterator[None]:
-    """Deliver webhooks in threads while the context lasts; pictures are those in the store."""
-    receivers = Receivers(settings.webhook_allow)
+def notifying(settings: Settings, store: Blobs | None = None) -> Iterator[None]:
+    """Deliver notices in threads while the context lasts; pictures are those in the store."""
     client = connect(settings.redis_url or "")
-    deliverer = Deliverer(
+    notifier = Notifier(
         Outbox(client),
-        Wake(client, keys.WAKE_WEBHOOKS),
-        Requests(receivers),
-        notifications=_notifications(settings, client, store),
-        commands=Commands(read_commands(settings), settings.page_url),
+        Wake(client, keys.WAKE_NOTIFIER),
+        Requests(Receivers(settings.webhook_allow)),
+        _notes(settings, client, store),
         lease_s=_LEASE_S,
     )
-    threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
+    threading.Thread(target=notifier.run, name="notifier", daemon=True).start()
     try:
         yield
     finally:
-        deliverer.stop()
+        notifier.stop()
 
 
-def _notifications(settings: Settings, client: RedisClient, store: Blobs | None) -> Notifications:
+def _notes(settings: Settings, client: RedisClient, store: Blobs | None) -> Notes:
     jobs = Jobs(client)
 
     def picture(job_id: str) -> bytes | None:
@@ -88,22 +83,20 @@ def _notifications(settings: Settings, client: RedisClient, store: Blobs | None)
         except (FileNotFoundError, BlobsUnavailable):  # the words are worth more than the picture
             return None
 
-    return Notifications(read_targets(settings), Price.if_set(settings), settings.page_url, picture)
+    return Notes(read_targets(settings), Price.if_set(settings), settings.page_url, picture)
 
 
-class Deliverer:
-    """Takes due messages from the outbox, tries to deliver them, and records the outcome.
+class Notifier:
+    """Takes due notices from the outbox, tries to deliver them, and records the outcome.
 
     Parameters
     ----------
     outbox, wake
-        The messages, and the hints that a new one came.
+        The notices, and the hints that a new one came.
     requests
-        Sends the messages to webhooks.
-    notifications
-        Sends those to the targets of notifications.
-    commands
-        Starts the commands of jobs' ends.
+        POSTs those to URLs.
+    notes
+        Sends those to targets.
     lease_s
         Seconds after which an unrecorded try counts as lost.
     delay_s
@@ -118,9 +111,8 @@ class Deliverer:
         outbox: Outbox,
         wake: Wake,
         requests: Requests,
+        notes: Notes,
         *,
-        notifications: Notifications | None = None,
-        commands: Commands | None = None,
         lease_s: float,
         delay_s: Callable[[int, float], float] = retry_delay_s,
         look_s: float = _LOOK_S,
@@ -128,8 +120,7 @@ class Deliverer:
         self._outbox = outbox
         self._wake = wake
         self._requests = requests
-        self._notifications = notifications or Notifications()
-        self._commands = commands or Commands(AllowedCommands())
+        self._notes = notes
         self._lease_s = lease_s
         self._delay_s = delay_s
         self._look_s = look_s
@@ -149,11 +140,11 @@ class Deliverer:
                 self._wake.wait(self._look_s, self._over)
                 backoff.reset()
             except StoreUnavailable as error:
-                _LOG.warning("webhooks wait: %s", error)
+                _LOG.warning("notices wait: %s", error)
                 self._over.wait(backoff.delay_s())
 
     def stop(self) -> None:
-        """Take no more, and wait a moment for deliveries under way; leases recover the rest."""
+        """Take no more, and wait a moment for notices under way; leases recover the rest."""
         self._over.set()
         ends = time.monotonic() + _GOODBYE_S
         with self._lock:
@@ -162,7 +153,7 @@ class Deliverer:
             thread.join(max(0.0, ends - time.monotonic()))
 
     def _take(self) -> Taken | None:
-        """Take the next due delivery; None if there is none, or too many are under way."""
+        """Take the next due notice; None if there is none, or too many are under way."""
         with self._lock:
             if self._over.is_set() or self._under_way.total() >= _MOST:
                 return None
@@ -172,20 +163,15 @@ class Deliverer:
             return taken
 
     def _busy(self) -> set[str]:
-        """The receivers that get no further delivery for now."""
+        """The receivers that get no further notice for now."""
         busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
-        started = sum(
-            count for one, count in self._under_way.items() if one.startswith(keys.STARTED)
-        )
-        if started >= _MOST_COMMANDS:
-            busy |= {keys.STARTED + name for name in self._commands.allowed.words}
         to_silent = [one for one in self._under_way if one in self._silent]
         if len(to_silent) >= _MOST_TO_SILENT:
             return busy | self._silent.keys()
         return busy | set(to_silent)
 
     def _start(self, taken: Taken) -> None:
-        thread = threading.Thread(target=self._go_on, args=(taken,), name="webhook", daemon=True)
+        thread = threading.Thread(target=self._go_on, args=(taken,), name="notice", daemon=True)
         with self._lock:
             self._threads.add(thread)
         thread.start()
@@ -201,7 +187,7 @@ class Deliverer:
                     self._done_with(taken.receiver)
                 taken = self._take()
         except StoreUnavailable as error:
-            _LOG.warning("webhooks wait: %s", error)
+            _LOG.warning("notices wait: %s", error)
         finally:
             with self._lock:
                 self._threads.discard(threading.current_thread())
@@ -213,64 +199,28 @@ class Deliverer:
                 del self._under_way[receiver]
 
     def _deliver(self, taken: Taken) -> None:
-        if taken.command is not None:
-            self._start_command(taken)
-            return
         started = time.monotonic()
         answer, error = self._tried(taken)
         self._remember(taken.receiver, silent=answer is None and bool(error))
-        took_s = time.monotonic() - started
-        status = None if answer is None else answer.status
         end = _end_of(taken, answer, error)
         asked_s = 0.0 if answer is None else answer.retry_after_s
         delay_s = self._delay_s(taken.tries, asked_s) if end == "failed" else 0.0
-        settled = self._settle(taken, end, status, error, took_s, delay_s)
-        _report(taken, end, error, took_s, delay_s, settled=settled)
-
-    def _start_command(self, taken: Taken) -> None:
-        """Run a command; it is tried again only where it did not come to its end here."""
-        started = time.monotonic()
-        ran = self._commands.run(taken, self._keeping(taken))
-        end: TryEnd = "delivered" if not ran.error else "given-up"
-        if ran.again and taken.tries < MOST_TRIES:
-            end = "failed"
-        took_s = time.monotonic() - started
-        delay_s = self._delay_s(taken.tries, 0.0) if end == "failed" else 0.0
-        settled = self._settle(taken, end, ran.exit_code, ran.error, took_s, delay_s, ran.words)
-        _report(taken, end, ran.error, took_s, delay_s, settled=settled)
-
-    def _keeping(self, taken: Taken) -> Callable[[], str]:
-        """A function that keeps the lease, and says why a command may not continue, if so."""
-        renewed = time.monotonic()
-
-        def why_not() -> str:
-            nonlocal renewed
-            if self._over.is_set():
-                return "the monitor stops"
-            if time.monotonic() < renewed + self._lease_s / 3:
-                return ""
-            renewed = time.monotonic()
-            try:
-                return "" if self._outbox.renew(taken, self._lease_s) else "another monitor has it"
-            except StoreUnavailable:
-                return ""  # the lease may last; if not, the next call knows
-
-        return why_not
+        settled = self._settle(taken, end, error, delay_s)
+        _report(taken, end, error, time.monotonic() - started, delay_s, settled=settled)
 
     def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
-        """Send the message; returns the answer, if any, and the error unless it was delivered."""
+        """Send the notice; returns the answer, if any, and the error unless it was delivered."""
         try:
-            if taken.target is not None:
-                self._notifications.tell(taken)
+            if taken.url is None:
+                self._notes.tell(taken)
                 return None, ""
-            job = taken.job
-            body = message(job, taken.event, taken.number, taken.at).model_dump_json().encode()
-            headers = signed_headers(taken.id, taken.now, body, taken.secrets)
+            body = message(taken.job).model_dump_json().encode()
+            headers = signed_headers(f"msg_{taken.job_id}", taken.now, body, taken.secret)
             answer = self._requests.post(taken.url, headers, body)
         except (NoAnswer, NotNotified, ExtraMissing) as error:
             return None, str(error)
-        except Exception as error:  # noqa: BLE001  (one message must not hurt the others)
-            _LOG.exception("webhook %s could not be sent", taken.id)
+        except Exception as error:  # noqa: BLE001  (one notice must not hurt the others)
+            _LOG.exception("a notice could not be sent")
             return None, f"it could not be sent: {type(error).__name__}; the monitor's log has more"
         if 200 <= answer.status < 300:
             return answer, ""
@@ -286,30 +236,13 @@ class Deliverer:
                 if len(self._silent) > _MOST_REMEMBERED:
                     del self._silent[next(iter(self._silent))]
 
-    def _settle(
-        self,
-        taken: Taken,
-        end: TryEnd,
-        status: int | None,
-        error: str,
-        took_s: float,
-        delay_s: float,
-        words: str | None = None,
-    ) -> bool:
+    def _settle(self, taken: Taken, end: TryEnd, error: str, delay_s: float) -> bool:
         """Record the outcome, retrying while the lease lasts; False if the lease was lost."""
         ends = time.monotonic() + self._lease_s
         backoff = Backoff(*_RETRY_S)
         while True:
             try:
-                return self._outbox.settle(
-                    taken,
-                    end,
-                    status=status,
-                    error=error,
-                    took_s=took_s,
-                    delay_s=delay_s,
-                    words=words,
-                )
+                return self._outbox.settle(taken, end, error, delay_s)
             except StoreUnavailable:
                 if time.monotonic() > ends or self._over.wait(backoff.delay_s()):
                     raise
@@ -327,7 +260,7 @@ def _report(
     taken: Taken, end: TryEnd, error: str, took_s: float, delay_s: float, *, settled: bool
 ) -> None:
     """Log how a try ended; of the URL only the host, because its path may be confidential."""
-    what = f"webhook {taken.id} ({taken.event}) to {taken.receiver}"
+    what = f"the notice of job {taken.job_id} to {taken.receiver}"
     if not settled:
         _LOG.warning("%s: its lease ran out after %.1f s", what, took_s)
     elif end == "delivered":

@@ -15,7 +15,7 @@ from plateau.farm.process.notify_targets import Targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import connect
-from plateau.service.monitor.webhooks.notifications import Note, NotNotified, send
+from plateau.service.monitor.notifier.notes import Note, NotNotified, send
 
 _LOG = logging.getLogger(__name__)
 

@@ -19,6 +19,7 @@ from aiosmtpd.controller import Controller
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
 from plateau.farm.process.addresses import Receivers
@@ -28,10 +29,10 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.wire.costs import Price
-from plateau.service.monitor.webhooks import deliverers
-from plateau.service.monitor.webhooks.deliverers import Deliverer
-from plateau.service.monitor.webhooks.notifications import Notifications
-from plateau.service.monitor.webhooks.requests import Requests
+from plateau.service.monitor.notifier import notifier as module
+from plateau.service.monitor.notifier.notes import Notes
+from plateau.service.monitor.notifier.notifier import Notifier
+from plateau.service.monitor.notifier.requests import Requests
 from tests.support.farms.receiver import OK, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -40,31 +41,31 @@ PATH = "a-secret-path"
 
 
 @contextmanager
-def delivering(redis_url: str, notifications: Notifications) -> Iterator[None]:
+def notifying(redis_url: str, notes: Notes) -> Iterator[None]:
     client = connect(redis_url)
-    deliverer = Deliverer(
+    notifier = Notifier(
         Outbox(client),
-        Wake(client, keys.WAKE_WEBHOOKS),
+        Wake(client, keys.WAKE_NOTIFIER),
         Requests(Receivers(())),
-        notifications=notifications,
+        notes,
         lease_s=30.0,
         delay_s=lambda *_: 0.05,
         look_s=0.05,
     )
-    thread = threading.Thread(target=deliverer.run)
+    thread = threading.Thread(target=notifier.run)
     thread.start()
     try:
         yield
     finally:
-        deliverer.stop()
+        notifier.stop()
         thread.join()
 
 
-def ended(client: redis.Redis, state: JobState = JobState.CONVERGED, **spec: Any) -> StagedJob:
-    job = StagedJob(client, **spec)
+def ended(client: redis.Redis, *targets: str) -> StagedJob:
+    job = StagedJob(client, notice={"targets": targets})
     job.commit(4)
     job.point(100, visible=3)
-    job.end(state, "levelled off")
+    job.end(JobState.CONVERGED, "levelled off")
     job.finish()
     return job
 
@@ -74,8 +75,8 @@ def by_json(url: str) -> str:
     return f"{url.replace('http', 'json', 1).partition('/hook')[0]}/{PATH}"
 
 
-def state(client: redis.Redis, job: StagedJob, number: int = 1) -> str:
-    return Outbox(client).deliveries(job.id)[number - 1].state
+def delivered(client: redis.Redis, job: StagedJob) -> bool:
+    return {one.state for one in Jobs(client).get(job.id).notices} == {"delivered"}
 
 
 class Mails:
@@ -108,9 +109,9 @@ def test_a_mail_says_what_ended_why_and_what_it_cost(client: redis.Redis, redis_
     try:
         mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
         targets = Targets({"ops": f"{mail}&mode=insecure"})
-        with delivering(redis_url, Notifications(targets, Price(3600, "EUR"), "https://farm/")):
-            job = ended(client, notify=["ops"])
-            until(lambda: state(client, job) == "delivered", 60)
+        with notifying(redis_url, Notes(targets, Price(3600, "EUR"), "https://farm/")):
+            job = ended(client, "ops")
+            until(lambda: delivered(client, job), 60)
     finally:
         server.stop()
     [came] = mails.came
@@ -135,17 +136,15 @@ def test_it_has_a_small_picture_where_there_is_one_and_the_service_takes_it(
         with receiving() as receiver:
             mail = f"mailto://127.0.0.1:{server.port}?from=a@b.example&to=c@d.example&mode=insecure"
             file.write_text(f"mail {mail}\njson {by_json(receiver.url)}\n")
-            with deliverers.delivering(Settings(redis_url=redis_url, notify_file=file), store):
-                job = StagedJob(client, notify=["mail", "json"])
+            with module.notifying(Settings(redis_url=redis_url, notify_file=file), store):
+                job = StagedJob(client, notice={"targets": ["mail", "json"]})
                 job.commit(4)
                 job.picture(store, "thumbnail.png", png)
                 job.end()
                 job.finish()
-                bare = ended(client, notify=["mail"])  # it has lost its picture
-                until(lambda: state(client, bare) == "delivered", 60)
-                until(
-                    lambda: {state(client, job, number) for number in (1, 2)} == {"delivered"}, 60
-                )
+                bare = ended(client, "mail")  # it has lost its picture
+                until(lambda: delivered(client, bare), 60)
+                until(lambda: delivered(client, job), 60)
     finally:
         server.stop()
     pictures = [
@@ -167,38 +166,33 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
     try:
         with receiving(answers) as receiver:
             targets = Targets({"ops": by_json(receiver.url)})
-            with delivering(redis_url, Notifications(targets)):
-                job = ended(client, notify=["ops"])
-                until(lambda: state(client, job) == "delivered", 60)
+            with notifying(redis_url, Notes(targets)):
+                job = ended(client, "ops")
+                until(lambda: delivered(client, job), 60)
     finally:
         logging.getLogger().removeHandler(handler)
-    [delivery] = Outbox(client).deliveries(job.id)
-    assert (delivery.event, delivery.target, len(delivery.tries)) == ("finished", "ops", 2)
-    assert "`plateau notify ops`" in (delivery.tries[0].error or "")
-    assert delivery.tries[1].error is None
+    assert "`plateau notify ops` on this machine says why; try 2 follows" in stream.getvalue()
     told = json.loads(receiver.received[1].body)
     assert told["title"] == "box converged"
     assert PATH in receiver.received[1].path
-    assert PATH not in stream.getvalue() + delivery.model_dump_json()
+    assert PATH not in stream.getvalue() + Jobs(client).get(job.id).model_dump_json()
 
 
 def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
     client: redis.Redis, redis_url: str
 ) -> None:
-    names = {"batch": "walk", "notify": ["ops"]}
-    first, second, third = (StagedJob(client, **names) for _ in range(3))
+    asked = {"batch": "walk", "notice": {"targets": ["ops"]}}
+    first, second, third = (StagedJob(client, **asked) for _ in range(3))
     second.end(JobState.FAILED, "no such plugin")
     second.finish()
-    assert len(Outbox(client).deliveries(second.id)) == 1
     for job in (first, third):
         job.end(JobState.CANCELLED, "not needed")
         job.finish()
-    assert Outbox(client).deliveries(first.id) == []
     with receiving() as receiver:
         targets = Targets({"ops": by_json(receiver.url)})
-        with delivering(redis_url, Notifications(targets)):
+        with notifying(redis_url, Notes(targets)):
             receiver.wait_for(2)
-            until(lambda: state(client, third) == "delivered", 60)
+            until(lambda: delivered(client, third), 60)
     told = {one["title"]: one["message"] for one in map(_body, receiver.received)}
     assert {*told} == {"box failed", "batch walk has ended"}
     assert "no such plugin" in told["box failed"]
@@ -208,16 +202,6 @@ def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
 def _body(received: Any) -> dict[str, str]:
     body: dict[str, str] = json.loads(received.body)
     return body
-
-
-def test_a_job_has_a_webhook_and_targets_and_each_of_them_its_own_message(
-    client: redis.Redis, redis_url: str
-) -> None:
-    hook = {"url": "https://studio.example/hook", "events": ["finished"]}
-    job = ended(client, notify=["lead", "ops"], webhook=hook)
-    found = Outbox(client).deliveries(job.id)
-    assert [one.target for one in found] == [None, "lead", "ops"]
-    assert all(one.next_try_at is not None for one in found)
 
 
 class TestTheFileOfTargets:

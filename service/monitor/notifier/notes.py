@@ -47,7 +47,7 @@ class Note:
 
 
 @dataclass(frozen=True)
-class Notifications:
+class Notes:
     """Sends notes to targets; with a price they say what a job cost, with `url` where it is seen.
 
     Parameters
@@ -68,14 +68,14 @@ class Notifications:
     picture: Callable[[str], bytes | None] = lambda _: None
 
     def tell(self, taken: Taken) -> None:
-        """Notify the message's target, or raise `NotNotified`."""
+        """Notify the notice's target, or raise `NotNotified`."""
         try:
-            url = self.targets.url(taken.target or "")
+            url = self.targets.url(taken.receiver)
         except UnknownTarget as error:
             raise NotNotified(f"for this monitor {error}") from error
-        job = taken.job
-        note = self.of_job(job) if taken.batch is None else self.of_batch(job, taken.batch)
-        send(taken.target or "", url, replace(note, picture=self.picture(job.id)))
+        job, batch = taken.job, taken.batch
+        note = self.of_job(job) if batch is None else self.of_batch(job, batch)
+        send(taken.receiver, url, replace(note, picture=self.picture(job.id)))
 
     def of_job(self, job: Job) -> Note:
         """The note that a job has ended."""

@@ -19,10 +19,10 @@ from plateau.farm.process.notify_targets import BadTargets, Targets, read_target
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
-from plateau.service.monitor.webhooks import troubles as module
-from plateau.service.monitor.webhooks.troubles import Teller, telling_troubles
+from plateau.service.monitor.notifier import troubles as module
+from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
 from tests.farm.ledger.test_workers import about
-from tests.service.monitor.webhooks.test_notifications import Mails, SmtpServer, by_json
+from tests.service.monitor.notifier.test_notes import Mails, SmtpServer, by_json
 from tests.support.farms.receiver import OK, receiving
 from tests.support.until import until
 

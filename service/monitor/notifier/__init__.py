@@ -1,0 +1,1 @@
+"""Tells others of ended jobs, and of troubles. The reasons are in docs/decisions/notices.md."""

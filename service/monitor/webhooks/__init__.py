@@ -1,1 +1,0 @@
-"""The delivery of webhooks. The reasons are in docs/decisions/api.md."""

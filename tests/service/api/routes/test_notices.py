@@ -1,0 +1,201 @@
+"""Notices over HTTP: asked for in a spec, and shown without secrets."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import redis
+
+from plateau.client import Client
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.process.notify_targets import Targets
+from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.farms.live_api import live_api
+from tests.support.farms.receiver import SECRET
+from tests.support.farms.staged_job import StagedJob
+
+URL = "https://studio.example/hooks/plateau"
+
+
+def asked(http: httpx.Client, **notice: object) -> httpx.Response:
+    return submit(http, spec={"notice": {"url": URL, "secret": SECRET, **notice}})
+
+
+def test_the_path_is_shown_to_who_asked_for_it_and_to_nobody_else(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    # Given three keys, and a job of the first whose notice's path is its secret
+    limits = KeyLimits(requests_per_minute=6000, burst=100, upload_bytes=None, open_jobs=None)
+
+    def headers(role: Role) -> dict[str, str]:
+        key = ApiKeys(client).create(f"a {role.value}", role, limits)[1]
+        return {"Authorization": f"Bearer {key}"}
+
+    owner = headers(Role.SUBMITTER)
+    url = "https://hooks.studio.example:8443/services/T0/swordfish?token=swordfish"
+    spec = {"notice": {"url": url, "secret": SECRET}, "batch": "tuesday"}
+    path = f"/v1/jobs/{submit(http, spec=spec, headers=owner).json()['id']}"
+    # Then its owner is shown all of it
+    pages = (path, "/v1/jobs", "/v1/jobs?batch=tuesday")
+    for page in pages:
+        assert url in http.get(page, headers=owner).text, page
+    # And others whom it tells, also where they change it: an admin may, and has no need to know
+    for other in (headers(Role.SUBMITTER), headers(Role.VIEWER), headers(Role.ADMIN)):
+        for page in pages:
+            shown = http.get(page, headers=other).text
+            assert "swordfish" not in shown, page
+            assert '"https://hooks.studio.example:8443/..."' in shown, page
+        for page in (f"{path}/events?after=0-0", f"{path}/report.html", f"{path}/log"):
+            accept = {"Accept": "application/json, text/html"}
+            assert "swordfish" not in http.get(page, headers={**other, **accept}).text, page
+    for answer in (
+        http.patch(path, json={"priority": 3}, headers=other),
+        http.post(f"{path}/cancel", headers=other),
+    ):
+        assert answer.is_success, answer.text
+        assert "swordfish" not in answer.text
+    # And nobody tells the masked one
+    masked = {"url": "https://hooks.studio.example:8443/...", "secret": SECRET}
+    found = problem(submit(http, spec={"notice": masked}, headers=owner), 422, "invalid-spec")
+    assert "name the whole URL" in found["detail"]
+
+
+def test_the_notice_of_nobody_s_job_is_shown_to_nobody_once_there_are_keys(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    path = f"/v1/jobs/{asked(http).json()['id']}"
+    assert URL in http.get(path).text
+    limits = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=None, open_jobs=None)
+    key = ApiKeys(client).create("an admin", Role.ADMIN, limits)[1]
+    shown = http.get(path, headers={"Authorization": f"Bearer {key}"}).json()
+    assert shown["spec"]["notice"]["url"] == "https://studio.example/..."
+
+
+@pytest.mark.parametrize(
+    ("notice", "field", "words"),
+    [
+        ({"url": "https://127.0.0.1/x"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "https://localhost:8443/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "https://[::ffff:10.0.0.1]/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "https://0x7f.1/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "http://studio.example/"}, "spec.notice.url", "use https"),
+        ({"url": "https://me:word@studio.example/"}, "spec.notice.url", "no user"),
+        ({"url": "file:///etc/passwd"}, "spec.notice.url", "https://host/path"),
+        ({"url": URL, "secret": "swordfish-swordfish"}, "spec.notice.secret", "openssl rand"),
+        ({"url": URL, "secret": None}, "spec.notice.secret", "openssl rand"),
+        ({"url": URL, "name": "x"}, "spec.notice.name", "no such field"),
+    ],
+)
+def test_what_cannot_be_told_is_refused_with_advice(
+    http: httpx.Client, notice: dict[str, object], field: str, words: str
+) -> None:
+    answer = asked(http, **notice)
+    found = problem(answer, 422, "invalid-spec")
+    assert [one["field"] for one in found["errors"]] == [field]
+    assert words in found["detail"]
+    assert "swordfish" not in answer.text
+
+
+def test_the_secret_is_in_no_answer(http: httpx.Client, client: redis.Redis) -> None:
+    answer = asked(http)
+    root = answer.headers["location"]
+    found = [answer, http.post(f"{root}/cancel")]
+    StagedJob(client, answer.json()["id"]).finish()
+    assert Outbox(client).take(30) is not None
+    paths = ("", "/events", "/log", "/slices", "/curve", "/report.html")
+    found += [http.get(root + path, headers={"Accept": "application/json"}) for path in paths]
+    found += [http.get(path) for path in ("/v1/jobs", "/v1/scenes", "/metrics", "/openapi.json")]
+    assert len(found) > 10
+    for one in found:
+        assert SECRET[6:] not in one.text
+        assert "secret" not in one.text or one.url.path == "/openapi.json"
+
+
+def test_the_same_request_with_another_secret_is_another_request(http: httpx.Client) -> None:
+    key = {"Idempotency-Key": "once"}
+    specs = [
+        JobSpec.model_validate({"notice": {"url": URL, "secret": secret}}).as_request()
+        for secret in (SECRET, f"whsec_{'A' * 43}=")
+    ]
+    first = submit(http, spec=specs[0], headers=key)
+    assert submit(http, spec=specs[0], headers=key).json()["id"] == first.json()["id"]
+    problem(submit(http, spec=specs[1], headers=key), 422, "idempotency-key-reused")
+
+
+@pytest.fixture
+def lab(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
+    """An API whose owner allows a network and a host."""
+    with (
+        live_api(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as url,
+        httpx.Client(base_url=url, trust_env=False, timeout=20) as http,
+    ):
+        yield http
+
+
+def test_the_farm_s_owner_may_allow_private_receivers(lab: httpx.Client) -> None:
+    for url in ("http://10.1.2.3:8080/x", "https://10.1.2.3/", "http://hooks.lab/"):
+        assert asked(lab, url=url).status_code == 201
+    for url in ("http://192.168.1.1/", "http://other.lab/", "https://127.0.0.1/"):
+        problem(asked(lab, url=url), 422, "invalid-spec")
+
+
+def test_a_job_that_goes_on_tells_nobody_whom_a_new_one_may_not(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    job = StagedJob(client, keep_slices=True)
+    job.commit(4)
+    job.end()
+    job.finish()
+    path = f"/v1/jobs/{job.id}/again"
+    found = http.post(path, json={"notice": {"url": "https://127.0.0.1/", "secret": SECRET}})
+    problem(found, 422, "invalid-spec")
+    assert http.post(path, json={"notice": {"url": URL, "secret": SECRET}}).status_code == 201
+
+
+def test_a_job_shows_what_became_of_its_notice(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client, notice={"url": URL, "secret": SECRET})
+    job.end(JobState.CANCELLED, "not needed")
+    job.finish()
+    path, outbox = f"/v1/jobs/{job.id}", Outbox(client)
+    taken = outbox.take(30)
+    assert taken is not None
+    outbox.settle(taken, "given-up", "the receiver answered 410")
+    [shown] = http.get(path).json()["notices"]
+    assert shown.pop("at") > http.get(path).json()["finished_at"]
+    words = "the receiver answered 410"
+    assert shown == {"to": "https://studio.example:443", "state": "given-up", "error": words}
+
+
+def test_the_api_s_description_has_what_is_sent(http: httpx.Client) -> None:
+    document = http.get("/openapi.json").json()
+    [(_, operations)] = document["webhooks"].items()
+    body = operations["post"]["requestBody"]["content"]["application/json"]["schema"]
+    assert body == {"$ref": "#/components/schemas/NoticeMessage"}
+    assert set(operations["post"]["responses"]) == {"204"}
+    secret = document["components"]["schemas"]["NoticeSpec"]["properties"]["secret"]
+    assert secret["anyOf"][0]["writeOnly"] is True
+
+
+def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
+    client: redis.Redis, redis_url: str, store: Blobs
+) -> None:
+    targets = Targets({"ops": "json://127.0.0.1/a-secret", "lead": "slack://b-secret"}, ("ops",))
+    with (
+        live_api(redis_url, store, targets=targets) as url,
+        httpx.Client(base_url=url) as lab,
+    ):
+        assert submit(lab).json()["spec"]["notice"]["targets"] == ["ops"]
+        answer = submit(lab, spec={"notice": {"targets": ["lead"]}})
+        assert answer.json()["spec"]["notice"]["targets"] == ["lead", "ops"]
+        found = problem(submit(lab, spec={"notice": {"targets": ["boss"]}}), 422, "invalid-spec")
+        assert found["errors"][0]["field"] == "spec.notice.targets"
+        assert "names: lead, ops" in found["detail"]
+        named = lab.get("/v1/targets")
+        assert named.json() == {"targets": ["lead"], "always": ["ops"]}
+        with Client(url) as ours:
+            assert ours.targets().targets == ["lead"]
+        assert "secret" not in found["detail"] + answer.text + named.text
