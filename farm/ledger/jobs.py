@@ -21,7 +21,6 @@ from plateau.farm.model.errors import (
     TooManyJobs,
     TooManyNeeds,
 )
-from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.slices.plan import Plan
@@ -342,12 +341,15 @@ class Jobs:
                 pipe.hgetall(keys.worker(worker_id))
             return [records.worker(fields) for fields in pipe.execute() if fields]
 
-    def kinds(self, within_s: float = ALIVE_S) -> list[Kind]:
-        """The kinds of workers that asked for work in the last `within_s` seconds."""
+    def places(self) -> dict[str, int]:
+        """The place of each queued job, from 1: by priority, then by age.
+
+        Within a priority, keys and batches share the workers, so that a job may start before older
+        ones of others.
+        """
         with unavailable_as_farm_error():
-            since = self.now_ms() - within_s * 1000
-            kinds = self._redis.zrangebyscore(keys.KINDS, since, "+inf")
-            return [Kind.read(kind) for kind in kinds]
+            weights = {keys.OPEN: -1e12, keys.in_state(JobState.QUEUED.value): 1}
+            return {job: place for place, job in enumerate(self._redis.zinter(weights), start=1)}
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds, which all processes go by."""

@@ -65,7 +65,8 @@ class Census:
 
     jobs: dict[str, int]  #: that have not ended, by state
     jobs_stored: int  #: whatever their state
-    jobs_unserved: int  #: without a suitable living worker that takes work
+    #: Jobs without a suitable living worker that takes work, the oldest first.
+    unserved: tuple[str, ...]
     queue_age_s: float  #: age of the oldest job without a rendered slice; 0 without one
     #: Of open jobs, by their class: variant ("auto" for any), pool, and tags with commas between.
     demand: dict[str, Demand]
@@ -138,7 +139,7 @@ def take_census(
     return Census(
         jobs=found.jobs,
         jobs_stored=found.stored,
-        jobs_unserved=found.unserved,
+        unserved=found.unserved,
         queue_age_s=0.0 if oldest is None else (float(found.now) - float(oldest)) / 1000,
         demand={
             needed: _demand(work, _mean_slice_ms(totals)) for needed, work in found.demand.items()

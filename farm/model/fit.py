@@ -5,6 +5,7 @@ Redis has both sides as text, so that a lease compares strings: see ``farm/redis
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -31,21 +32,12 @@ class Kind:
         """The kind as Redis has it."""
         return f"{self.pool} {','.join(self.variants)} {','.join(sorted(self.tags))}"
 
-    @staticmethod
-    def read(text: str) -> Kind:
-        """The kind of a `text`."""
-        pool, variants, tags = text.split(" ")
-        return Kind(_names(variants), pool, _names(tags))
-
     def serves(self, job: Job) -> bool:
         """Whether such a worker may render the job; one that has no variant yet takes any."""
-        return self.meets(job.variant or job.spec.variant, job.spec.pool, job.spec.requires)
-
-    def meets(self, variant: str, pool: str, requires: Iterable[str]) -> bool:
-        """Whether such a worker may render jobs that need this."""
+        variant = job.variant or job.spec.variant
         return (
-            self.pool == pool
-            and set(requires) <= set(self.tags)
+            self.pool == job.spec.pool
+            and set(job.spec.requires) <= set(self.tags)
             and bool(self.variants)
             and (variant == ANY or variant in self.variants)
         )
@@ -66,37 +58,40 @@ def blocked_in(need: str) -> tuple[str, ...]:
     return _names(need.partition("!")[2])
 
 
-def serves(worker: Worker, job: Job) -> bool:
-    """Whether the worker takes work, and may render the job."""
-    return meets(worker, job.variant or job.spec.variant, need(job.spec))
+class Crew:
+    """The living workers that take work."""
+
+    def __init__(self, workers: Iterable[Worker]) -> None:
+        self._workers = [
+            worker for worker in workers if not worker.drained and worker.trouble is None
+        ]
+        self._kinds = Counter(map(_kind, self._workers))
+
+    def fitting(self, job: Job) -> int:
+        """How many of them may render the job."""
+        if not job.spec.blocked:
+            return sum(count for kind, count in self._kinds.items() if kind.serves(job))
+        blocked = set(job.spec.blocked)
+        return sum(
+            _kind(worker).serves(job) and not {worker.id, worker.host} & blocked
+            for worker in self._workers
+        )
 
 
-def meets(worker: Worker, variant: str, need: str) -> bool:
-    """Whether the worker takes work, and may render jobs of this variant and this `need`."""
-    pool, _, tags = need.partition("!")[0].rstrip().partition(" ")
-    return (
-        not worker.drained
-        and worker.trouble is None
-        and not {worker.id, worker.host} & set(blocked_in(need))
-        and Kind(worker.variants, worker.pool, worker.tags).meets(variant, pool, _names(tags))
-    )
+def _kind(worker: Worker) -> Kind:
+    return Kind(worker.variants, worker.pool, worker.tags)
 
 
-def waits_for(job: Job, kinds: Iterable[Kind], workers: Iterable[Worker] = ()) -> str | None:
+def waits_for(job: Job, fitting: int) -> str | None:
     """The worker or the jobs that a job waits for, in words; None if it may be rendered.
 
-    `kinds` are those of the living workers. Where some are blocked for the job, the living
-    `workers` themselves count.
+    So many workers are `fitting`.
     """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
     if job.awaits or job.awaits_turn:
         return job.reason
-    if job.spec.blocked:
-        is_served = any(serves(worker, job) for worker in workers)
-    else:
-        is_served = any(kind.serves(job) for kind in kinds)
-    if is_served:
+    if fitting:
         return None
     variant = job.variant or job.spec.variant
     wanted = [

@@ -64,7 +64,6 @@ _QUEUE: Final = (
     keys.NEEDS,
     keys.SPENT,
     keys.LATE,
-    keys.KINDS,
     keys.LEASES,
     f"{PREFIX}share:*",
     keys.IDLE,

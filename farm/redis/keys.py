@@ -20,8 +20,6 @@ plateau:needs             hash    pool, tags and blocked workers of open jobs â†
                                   many jobs
 plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
                                   holds up their image is late (ms)
-plateau:kinds             zset    pool, variants and tags of workers that take work,   1 h
-                                  scored by the last heartbeat of one (ms)
 plateau:idle              hash    idle workers â†’ 1                                      while so
 plateau:idle:kinds        set     their kinds, and maybe others                        till woken
 plateau:idle:KIND         set     those of the kind, and maybe others                  till woken
@@ -139,7 +137,6 @@ NEEDS: Final = PREFIX + "needs"
 SPENT: Final = PREFIX + "spent"
 TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
-KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
 ARCHIVED: Final = PREFIX + "jobs:archived"
 DELETED: Final = PREFIX + "jobs:deleted"
@@ -252,7 +249,7 @@ local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
 local ARCHIVED, DELETED = '{ARCHIVED}', '{DELETED}'
 local FREE = '{FREE}'
 local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
-local NEEDS, KINDS, IDLE, IDLE_KINDS = '{NEEDS}', '{KINDS}', '{IDLE}', '{IDLE}:kinds'
+local NEEDS, IDLE, IDLE_KINDS = '{NEEDS}', '{IDLE}', '{IDLE}:kinds'
 local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}

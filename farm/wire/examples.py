@@ -225,9 +225,8 @@ JOB: Final[dict[str, Any]] = {
     "wasted_s": 0.3,
     "second_tries": 1,
     "waits_for": None,
-    "expected_start_s": None,
-    "expected_start_is_bound": False,
-    "expected_start_unknown": None,
+    "queue_place": None,
+    "fitting_workers": 3,
     "created_at": _CREATED,
     "started_at": _STARTED,
     "links": {

@@ -38,8 +38,10 @@ def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> Non
     with connect(url) as client:
         job = client.submit(scene, spec)
     _print_id(job, as_json=as_json)
-    if expected := job_text.start(job) or job.expected_start_unknown:
-        tell(f"job {job.id} {expected}")
+    if job.waits_for:
+        tell(f"job {job.id} {job.waits_for}")
+    elif place := job_text.place(job):
+        tell(f"job {job.id} has {place}")
 
 
 def watch(
@@ -92,7 +94,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     print(job_text.row("job", f"{job.id} ({job_text.title(job)})"))
     if job.owner is not None:
         print(job_text.row("owner", f"{job.owner_name} (key {job.owner})"))
-    print(job_text.summary(job, utc_now(), job.waits_for))
+    print(job_text.summary(job, utc_now()))
     print("story:")
     for line in lines:
         print(f"  {line}")

@@ -15,7 +15,6 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
@@ -112,7 +111,6 @@ def create_app(
     ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
         jobs=ledger,
-        starts=Starts(client),
         scenes=SceneIndex(client),
         batches=Batches(client),
         visibility=Visibilities(client),

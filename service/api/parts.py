@@ -12,7 +12,6 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
@@ -35,7 +34,6 @@ class Parts:
     """Redis by subject, the blob store, and what the routes build on them."""
 
     jobs: Jobs
-    starts: Starts
     scenes: SceneIndex
     batches: Batches
     visibility: Visibilities

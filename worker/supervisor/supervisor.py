@@ -21,7 +21,6 @@ from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import CorruptBlob, FilesDiffer, Refused, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
-from plateau.farm.model.starts import TURN_S
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
@@ -48,6 +47,7 @@ from plateau.worker.supervisor.variants import VariantChoice, choose
 _LOG = logging.getLogger(__name__)
 
 # Of a pair, the first is the first wait and the second the longest.
+_TURN_S: Final = 20.0  #: how long a worker keeps to its loaded scene before it looks who waits
 _IDLE_S: Final = (0.5, 5.0)  #: between two requests for work, unless the worker is woken
 _LISTEN_S: Final = 60.0  #: how long a listener waits for one announcement
 _DRAIN_S: Final = 5.0  #: how long a stopping worker tries to commit its slices
@@ -176,7 +176,7 @@ class Supervisor:
         if self._uploader.is_hung:
             return None
         job, since = self._turn
-        in_turn = time.monotonic() < since + TURN_S
+        in_turn = time.monotonic() < since + _TURN_S
         lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
         self._about.trouble = None  # the farm no longer refuses it
         return lease

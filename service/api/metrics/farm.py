@@ -88,7 +88,7 @@ def _open_work(census: Census) -> Iterator[Metric]:
         "plateau_jobs_unserved",
         "Jobs that wait or render without a living worker that takes work and has their variant, "
         "pool and tags; GET /v1/jobs says what they wait for.",
-        census.jobs_unserved,
+        len(census.unserved),
     )
     yield _gauge(
         "plateau_queue_age_seconds",

@@ -30,7 +30,7 @@ class Farm(_Farm):
 
     def has_turn(self, job: Job) -> bool:
         found = self.jobs.get(job.id)
-        assert (waits_for(found, []) == found.reason) == found.awaits_turn
+        assert (waits_for(found, 0) == found.reason) == found.awaits_turn
         return not found.awaits_turn
 
 

@@ -9,7 +9,7 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobEnded, JobNotFound, TooManyBlocked, TooManyNeeds
-from plateau.farm.model.fit import Kind, waits_for
+from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -51,7 +51,8 @@ class Farm:
         self.queue(name).heartbeat(about, ())
 
     def words(self, job: Job) -> str | None:
-        return waits_for(self.jobs.get(job.id), self.jobs.kinds(), self.jobs.workers())
+        job = self.jobs.get(job.id)
+        return waits_for(job, Crew(self.jobs.workers()).fitting(job))
 
 
 @pytest.fixture
@@ -139,12 +140,12 @@ class TestBlocked:
         farm.lives("west", "gpu")
         farm.jobs.block(job.id, "west")
         words = "waits for a worker with tags gpu that is not blocked for it: there is none that "
-        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (words + "takes work", 1)
+        assert (farm.words(job), farm.jobs.census().unserved) == (words + "takes work", (job.id,))
         # Its slices are demand for workers with its tags, whatever they are called
         assert farm.jobs.census().demand_for(tags=["gpu"]).waiting == 4
         assert farm.jobs.census().demand_for(tags=[]).waiting == 0
         farm.lives("east", "gpu")
-        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (None, 0)
+        assert (farm.words(job), farm.jobs.census().unserved) == (None, ())
         # And a worker says for which jobs it is blocked
         alive = {one.id: one.blocked_for for one in farm.workers.with_blocks(farm.jobs.workers())}
         assert alive == {"west": (job.id,), "east": ()}
@@ -181,10 +182,10 @@ class TestWords:
         assert farm.words(job) == (
             "waits for a worker with tags gpu, highmem: there is none that takes work"
         )
-        assert farm.jobs.census().jobs_unserved == 1
+        assert farm.jobs.census().unserved == (job.id,)
         farm.lives("large", "highmem", "gpu", "fast")
         assert farm.words(job) is None
-        assert farm.jobs.census().jobs_unserved == 0
+        assert farm.jobs.census().unserved == ()
 
     def test_a_variant_and_a_pool(self, farm: Farm) -> None:
         job = farm.job(variant="cuda_ad_rgb", pool="night")
@@ -201,7 +202,7 @@ class TestWords:
         job = farm.job()
         farm.jobs.cancel(job.id)
         assert farm.words(job) is None
-        assert farm.jobs.census().jobs_unserved == 0
+        assert farm.jobs.census().unserved == ()
 
     @pytest.mark.parametrize("trouble", ["the disk is full", None])
     def test_who_takes_no_work_does_not_count(self, farm: Farm, trouble: str | None) -> None:
@@ -209,8 +210,6 @@ class TestWords:
         farm.lives("w", trouble=trouble)
         if trouble is None:
             Workers(farm.client).drain("w")
-            farm.client.delete(keys.KINDS)  # as if the last heartbeat were long ago
-            farm.lives("w")
         assert farm.words(job) is not None
 
 
@@ -239,10 +238,6 @@ class TestNames:
         batch = BatchSpec(pool="night", requires=("gpu",), parameters=({"a": 1}, {"a": 2}))
         jobs = batch.job_specs("b")
         assert [(job.pool, job.requires) for job in jobs] == [("night", ("gpu",))] * 2
-
-    def test_a_kind_reads_what_it_writes(self) -> None:
-        for kind in (Kind(LLVM, "night", ("a", "b")), Kind((), "default", ())):
-            assert Kind.read(kind.text) == kind
 
 
 def test_open_jobs_need_a_limited_number_of_different_things(farm: Farm) -> None:

@@ -29,7 +29,6 @@ _SCORED_BY_TIME: Final = {
     keys.MONITORS,
     keys.APIS,
     keys.LEASES,
-    keys.KINDS,
     keys.SCENES_USED,
     keys.RECEIVERS,
 }

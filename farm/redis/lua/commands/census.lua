@@ -23,7 +23,7 @@ function for_farm.census(it)
   for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have not ended, and a few more
     local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at', 'held',
                            'variant', 'asked_variant', 'committed', 'machine_ms', 'slice_spp',
-                           'expected_spp', 'continued_spp', 'need', 'awaits', 'turn')
+                           'expected_spp', 'continued_spp', 'need', 'awaits', 'turn', 'number')
     local state = job[1]
     if state and jobs[state] then
       jobs[state] = jobs[state] + 1
@@ -41,7 +41,10 @@ function for_farm.census(it)
         if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
       end
       local class = (job[6] or job[7] or 'auto') .. ' ' .. (job[13] or DEFAULT_POOL)
-      if may_be_rendered then classes[class] = (classes[class] or 0) + 1 end
+      if may_be_rendered then
+        classes[class] = classes[class] or {}
+        table.insert(classes[class], {id = id, number = tonumber(job[16])})
+      end
       if not least or tonumber(redis.call('ZSCORE', OPEN, id) or least) >= least then
         demand[class] = demand[class] or {waiting = 0, leased = 0, left = 0, work_ms = 0, unmeasured = 0}
         add_work(demand[class], waiting, leased, unpack(job, 8, 12))
@@ -59,24 +62,21 @@ function for_farm.census(it)
     end
   end
 
-  -- Jobs without a suitable living worker that takes work.
-  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
+  -- Jobs without a suitable living worker that takes work, the oldest first.
   local function is_served(class)
-    if string.find(class, '!', 1, true) then
-      for worker, kind in pairs(kind_of) do
-        if Waiting.variant_of(kind, class, worker) then return true end
-      end
-      return false
-    end
-    for _, kind in ipairs(kinds) do
-      if Waiting.variant_of(kind, class) then return true end
+    for worker, kind in pairs(kind_of) do
+      if Waiting.variant_of(kind, class, worker) then return true end
     end
     return false
   end
-  local unserved = 0
-  for class, jobs_of_it in pairs(classes) do
-    if not is_served(class) then unserved = unserved + jobs_of_it end
+  local unserved = {}
+  for class, of_it in pairs(classes) do
+    if not is_served(class) then
+      for _, job in ipairs(of_it) do table.insert(unserved, job) end
+    end
   end
+  table.sort(unserved, function(one, other) return one.number < other.number end)
+  for at, job in ipairs(unserved) do unserved[at] = job.id end
 
   local monitors, owned = 0, 0
   for _, id in ipairs(redis.call('ZRANGEBYSCORE', MONITORS, now(), '+inf')) do

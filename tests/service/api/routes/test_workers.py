@@ -19,7 +19,6 @@ from plateau.service.api.access.key_guard import Access
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
-from tests.support.until import until
 
 LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
 
@@ -110,26 +109,18 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
         lines = http.get("/metrics").text.splitlines()
         return next(line for line in lines if line.startswith("plateau_jobs_unserved"))
 
-    def starts(job: str) -> list[tuple[object, ...]]:
-        named, (listed, *_) = (
-            http.get(f"/v1/jobs/{job}").json(),
-            http.get("/v1/jobs").json()["jobs"],
-        )
-        return [
-            tuple(one[f"expected_start_{of}"] for of in ("s", "is_bound", "unknown"))
-            for one in (named, listed)
-        ]
+    def queued(job: str) -> list[tuple[int, int]]:
+        (listed,) = (one for one in http.get("/v1/jobs").json()["jobs"] if one["id"] == job)
+        named = http.get(f"/v1/jobs/{job}").json()
+        return [(one["queue_place"], one["fitting_workers"]) for one in (named, listed)]
 
     assert made.json()["waits_for"] == words
     assert (waits_for(), unserved()) == ({words}, "plateau_jobs_unserved 1.0")
-    assert starts(made.json()["id"]) == [(None, False, words)] * 2
+    assert queued(made.json()["id"]) == [(1, 0)] * 2
     fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
-    # It would start at once, and a further one when the turn of this one ends. What was read of the
-    # queue is used for some seconds, so that one of two answers may know the worker already.
-    until(lambda: starts(made.json()["id"]) == [(0.0, False, None)] * 2)
-    assert starts(submitted(http, asked["spec"])["id"]) == [(20.0, True, None)] * 2
+    assert queued(made.json()["id"]) == [(1, 1)] * 2
     (shown,) = http.get("/v1/workers").json()["workers"]
     assert {name: shown[name] for name in fits} == fits
 
@@ -221,7 +212,7 @@ def test_a_job_waits_for_its_turn(http: httpx.Client) -> None:
         (True, words),
     ]
     scene = {"scene": ("a.xml", SCENE_XML)}
-    assert second["expected_start_unknown"] == words
+    assert second["queue_place"] is None
     for spec in ('{"at_once": 1}', '{"batch": "walk", "at_once": 0}'):
         answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
         assert "at_once" in problem(answer, 422, "invalid-spec")["detail"]
