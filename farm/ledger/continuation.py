@@ -42,7 +42,7 @@ from plateau.rules import MOST_SPP, as_offered
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
 _OWN: Final = (
-    *("batch", "at_once", "budget_core_hours", "flicker_guard", "shot"),
+    *("batch", "flicker_guard", "shot"),
     *("webhook", "notify", "after", "then"),
 )
 #: ... and that all points of a curve have in common.

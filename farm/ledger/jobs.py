@@ -34,7 +34,6 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import (
     Block,
-    BudgetUsed,
     Create,
     End,
     Made,
@@ -354,10 +353,6 @@ class Jobs:
     def now_ms(self) -> int:
         """Redis's clock in milliseconds, which all processes go by."""
         return now_ms(self._redis)
-
-    def budget_used(self, job_id: str) -> str:
-        """Which of the job's budgets of core hours is used up, in words; "" if none is."""
-        return self._scripts.run(BudgetUsed(job=job_id))
 
     def census(self, *, from_priority: int | None = None) -> Census:
         """The whole farm's work, done and to do; demand counts jobs of this priority or above."""

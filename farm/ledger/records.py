@@ -54,7 +54,6 @@ def worker(fields: dict[str, str]) -> Worker:
     known = {
         **about,
         "drained": "drained" in fields,
-        "saved_core_hours": round(int(fields.get("saved_core_ms", 0)) / 3_600_000, 9),
         "seen_at": moment(fields["seen_at"]),
     }
     return Worker.model_validate(known, extra="ignore")
@@ -124,8 +123,6 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
         awaits=int(fields.get("awaits", 0)),
-        awaits_turn="turn" in fields,
-        has_budget="budget" in fields or "key_budget" in fields,
         image_spp=_image_spp(fields),
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
@@ -164,7 +161,6 @@ def new_job(
         "asked_variant": spec.variant,
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
-        "max_spp": spec.max_spp,
         **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
         "batch": spec.batch or "",
@@ -178,12 +174,6 @@ def new_job(
         "points": 0,
         "machine_ms": 0,
     }
-    if (end_spp := spec.rule.behaviour.expected_end_spp(None)) is not None:
-        fields["end_spp"] = end_spp
-    if spec.at_once is not None:
-        fields["at_once"] = spec.at_once
-    if spec.budget_core_hours is not None:
-        fields["budget"] = str(spec.budget_core_hours)
     if spec.notify:
         fields["notify"] = " ".join(spec.notify)
     if spec.then:

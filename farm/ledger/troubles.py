@@ -4,25 +4,20 @@ import socket
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from datetime import timedelta
 from typing import Final
 
 from plateau.farm.blobs.store import MARK, Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.fit import Crew, waits_for
-from plateau.farm.model.job import utc_now
-from plateau.farm.model.states import JobState
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 
-#: How many jobs without a worker are looked at, and how many that a budget may have ended.
+#: How many jobs without a worker are looked at.
 _LOOKED_AT: Final = 50
 #: A worker that failed so often in a row is a trouble.
 _MANY: Final = 3
-#: For so long a budget that is used up is a trouble.
-_BUDGET_LASTS: Final = timedelta(days=1)
 #: What is written to see whether the blob store is full.
 _PROBE: Final = bytes(1 << 20)
 _FARM: Final = "farm"
@@ -38,9 +33,9 @@ class Trouble:
 
 
 def of_farm(client: RedisClient) -> list[Trouble]:
-    """What all monitors see: jobs without a worker, workers that fail, budgets that are used up."""
+    """What all monitors see: jobs without a worker, and workers that fail."""
     jobs = Jobs(client)
-    return [*_unserved(jobs), *_workers(jobs), *_budgets(jobs)]
+    return [*_unserved(jobs), *_workers(jobs)]
 
 
 def of_store(store: Blobs) -> list[Trouble]:
@@ -85,24 +80,6 @@ def _workers(jobs: Jobs) -> list[Trouble]:
         if words is not None and not worker.drained:
             words = f"worker {worker.id} {words}"
             found[worker.host] = Trouble(f"worker {worker.host}", words)
-    return list(found.values())
-
-
-def _budgets(jobs: Jobs) -> list[Trouble]:
-    found: dict[str, Trouble] = {}
-    for state in (JobState.EXHAUSTED, JobState.CANCELLED):
-        ended, _ = jobs.search(state=state, limit=_LOOKED_AT)
-        for job in ended:
-            is_new = job.ended_at is not None and utc_now() - job.ended_at < _BUDGET_LASTS
-            if not (job.has_budget and is_new and "budget of" in job.reason):
-                continue
-            whose = job.id
-            if "its batch's budget" in job.reason:
-                whose = f"batch {job.spec.batch}"
-            elif "its key's budget" in job.reason:
-                whose = f"key {job.owner_name or job.owner}"
-            words = f"a budget is used up ({whose}): job {job.name} ({job.id}) {job.reason}"
-            found.setdefault(whose, Trouble(f"budget {whose}", words, job.id))
     return list(found.values())
 
 

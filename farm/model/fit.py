@@ -89,7 +89,7 @@ def waits_for(job: Job, fitting: int) -> str | None:
     """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
-    if job.awaits or job.awaits_turn:
+    if job.awaits:
         return job.reason
     if fitting:
         return None

@@ -11,7 +11,7 @@ class JobState(str, Enum):
     RENDERING = "rendering"
     PAUSED = "paused"
     CONVERGED = "converged"  #: a rule fired
-    EXHAUSTED = "exhausted"  #: the cap, the time limit or a budget ended it without
+    EXHAUSTED = "exhausted"  #: the cap or the time limit ended it without
     CANCELLED = "cancelled"
     FAILED = "failed"
 

@@ -77,11 +77,6 @@ class Worker(_Record):
         description="what the slices cost that it has rendered since its start: their time, times "
         "its threads",
     )
-    saved_core_hours: float = Field(
-        0.0,
-        description="its share, by samples, of what the stops of converged jobs saved since its "
-        "start",
-    )
     last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
     kinds: tuple[str, ...] = Field(
         (),

@@ -97,19 +97,6 @@ class Settings(BaseSettings):
         le=1_000_000_000,
         description="how many jobs of a new API key may be open at once",
     )
-    key_jobs_at_once: int | None = Field(
-        None,
-        ge=1,
-        le=1_000_000_000,
-        description="how many jobs of a new API key may be rendered at once; unset, any",
-    )
-    key_core_hours_per_week: float | None = Field(
-        None,
-        gt=0,
-        le=1e9,
-        allow_inf_nan=False,
-        description="how many core hours the jobs of a new API key may cost in a week; unset, any",
-    )
     lease_s: float = Field(
         15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
     )
@@ -216,7 +203,7 @@ class Settings(BaseSettings):
     notify_troubles: Annotated[Tags, NoDecode] = Field(
         (),
         description="those of them that are notified of the farm's troubles, for the monitors: a "
-        "job that no worker can render, a worker that fails, a full store, a used up budget",
+        "job that no worker can render, a worker that fails, a full store",
     )
     trouble_after_s: float = Field(
         120.0, ge=0, le=_DAY_S, description="for so long a trouble lasts before it is told"
@@ -250,19 +237,6 @@ class Settings(BaseSettings):
         "exit",
         description="what a process does that cannot work with the farm's data or the farm's other "
         "processes: exit with code 76, or wait until it can",
-    )
-    core_hour_price: float | None = Field(
-        None,
-        ge=0,
-        le=1e9,
-        allow_inf_nan=False,
-        description="price of an hour of one core, for the API; unset, it shows no money",
-    )
-    currency: str = Field(
-        "",
-        max_length=12,
-        pattern=r"^[^\x00-\x1f\x7f]*$",
-        description="what that price is counted in, such as EUR",
     )
     log_format: LogFormat = Field(
         "text", description="how processes log: text, or json, an object for each line"

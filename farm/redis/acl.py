@@ -49,7 +49,7 @@ _ID: Final = "?" * 12
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger"),
-    *("seeds", "deaths", "spoiled", "events", "log", "shares"),
+    *("seeds", "deaths", "spoiled", "events", "log"),
     # A command that moves a job puts a message for its webhook there, without address and secret.
     "deliveries",
 )
@@ -62,7 +62,6 @@ _QUEUE: Final = (
     keys.WAITING,
     f"{keys.WAITING}:*",
     keys.NEEDS,
-    keys.SPENT,
     keys.LATE,
     keys.LEASES,
     f"{PREFIX}share:*",
@@ -97,7 +96,6 @@ _MONITOR: Final = (
     keys.GUARDED,
     keys.GATES,
     f"{PREFIX}gate:*",
-    f"{PREFIX}turns:*",
     keys.batch("*"),
     keys.SCENES,
     keys.SCENES_USED,

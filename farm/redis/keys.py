@@ -35,11 +35,6 @@ plateau:batches:guarded   set     batches whose jobs must all stop alike        
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
                                   NUMBER NAME"; see after.lua
-plateau:turns:had:GROUP   set     jobs that have their turn in the group, "key ID" or    till done
-                                  "batch NAME"; see turns.lua
-plateau:turns:held:GROUP  zset    jobs that wait for theirs, the next first            till theirs
-plateau:spent             hash    "batch NAME" or "key ID WEEK" → the core ms of its    for ever, a
-                                  jobs with a budget; see budgets.lua                  week 2
 plateau:gates             zset    gates of batches, scored by their numbers            till open
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
@@ -47,7 +42,7 @@ plateau:scene:SHA:going   string  set while the scene's blob is being removed   
 plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
-                                  for slices with which it was lost, ``saved_core_ms``
+                                  for slices with which it was lost
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
@@ -86,10 +81,7 @@ plateau:job:ID:paces      hash    worker → ms for which it had its last slice,
 plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
-plateau:job:ID:shares     hash    worker → samples that it has in the ledger, by which   till end
-                                  what a converged job saved is shared out
 plateau:job:ID:after      zset    gates that it waits for, in the order of its spec    till open
-plateau:job:ID:turns      set     groups in which it has its turn, or waits for it     till done
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
                                   zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
@@ -134,7 +126,6 @@ UNFINISHED: Final = PREFIX + "jobs:unfinished"
 WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
 NEEDS: Final = PREFIX + "needs"
-SPENT: Final = PREFIX + "spent"
 TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
 IDLE: Final = PREFIX + "idle"
@@ -180,9 +171,8 @@ GROUP: Final = "workers"
 #: The keys of a job beside its hash.
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
-    "shares",
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
-    *("owner", "fence", "rounds", "after", "turns", "shot"),
+    *("owner", "fence", "rounds", "after", "shot"),
 )
 
 
@@ -267,7 +257,7 @@ local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
-local SPENT, TROUBLES = '{SPENT}', '{TROUBLES}'
+local TROUBLES = '{TROUBLES}'
 local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
 local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
 local function study_key(id, part)

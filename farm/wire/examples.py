@@ -131,8 +131,6 @@ WORKER: Final[dict[str, Any]] = {
     "slices_done": 16,
     "samples_per_s": 2.7e6,
     "core_hours": 0.022,
-    "saved_core_hours": 0.35,
-    "cost": {"amount": 0.00088, "saved": 0.014, "currency": "EUR"},
     "kinds": [
         "mitsuba 3.9.1 (llvm_ad_rgb; libLLVM.so.19.1; AMD EPYC 9R14; bits 3f1c09ab27de)",
     ],
@@ -221,7 +219,6 @@ JOB: Final[dict[str, Any]] = {
     "machine_s": 10.4,
     "core_hours": 0.023111111,
     "saved_core_hours": 0.0,
-    "cost": {"amount": 0.000924, "saved": 0.0, "currency": "EUR"},
     "wasted_s": 0.3,
     "second_tries": 1,
     "waits_for": None,

@@ -178,27 +178,11 @@ def pauses(job: Job) -> str:
 
 
 def _cost(job: Job) -> str:
-    """The core hours and the money of a job, and of what its stop saved."""
-    cost = job.cost if isinstance(job, JobView) else None
-    spent = amount(job.core_hours, None if cost is None else (cost.amount, cost.currency))
+    """The core hours of a job, and of what its stop saved."""
+    spent = f"{significant(job.core_hours)} core hours"
     if not job.samples_saved:
         return spent
-    saved = (cost.saved, cost.currency) if cost is not None else None
-    return f"{spent}; the stop saved about {amount(job.saved_core_hours, saved)}"
-
-
-def amount(core_hours: float, money: tuple[float, str] | None = None) -> str:
-    """Core hours for people, and what they cost in a currency.
-
-    Examples
-    --------
-    >>> amount(12.25), amount(0.02311, (0.0009244, "EUR"))
-    ('12.3 core hours', '0.0231 core hours (0.000924 EUR)')
-    """
-    hours = f"{significant(core_hours)} core hours"
-    if money is None:
-        return hours
-    return f"{hours} ({' '.join(filter(None, (significant(money[0]), money[1])))})"
+    return f"{spent}; the stop saved about {significant(job.saved_core_hours)} core hours"
 
 
 def summary(job: Job, now: datetime) -> str:

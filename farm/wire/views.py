@@ -9,7 +9,6 @@ from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.spec import Priority
 from plateau.farm.model.worker import RefusedProcess, Worker
 from plateau.farm.wire import examples
-from plateau.farm.wire.costs import Cost, Price, cost_of
 from plateau.farm.wire.json_numbers import WithWholeNumbers
 
 
@@ -38,9 +37,6 @@ class JobView(Job):
         None,
         description="how many living workers can render it; null for a job that has ended, and in "
         "webhooks",
-    )
-    cost: Cost | None = Field(
-        None, description="in money; null where the service has no price, and in webhooks"
     )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
@@ -134,16 +130,6 @@ class SliceLog(BaseModel):
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
 
 
-class WorkerView(Worker):
-    """A worker with what it has cost."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="ignore", json_schema_extra=_shows(examples.WORKER)
-    )
-
-    cost: Cost | None = Field(None, description="in money; null where the service has no price")
-
-
 class Workers(BaseModel):
     """The workers that live."""
 
@@ -151,7 +137,7 @@ class Workers(BaseModel):
         json_schema_extra=_shows({"workers": [examples.WORKER], "refused": [examples.REFUSED]})
     )
 
-    workers: list[WorkerView]
+    workers: list[Worker]
     refused: list[RefusedProcess] = Field(
         [],
         description="processes whose version does not fit the farm's: of each machine and role the "
@@ -267,22 +253,11 @@ class Health(BaseModel):
     status: str = "ok"
 
 
-def worker_view(worker: Worker, price: Price | None) -> WorkerView:
-    """The worker as the API shows it."""
-    return WorkerView(**worker.model_dump(), cost=cost_of(worker, price))
-
-
-def job_view(
-    job: Job,
-    *,
-    to_owner: bool = False,
-    price: Price | None = None,
-    **queued: Any,
-) -> JobView:
+def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
     """The job as the API shows it.
 
-    Only its owner sees the path of its webhook, which is often a secret. Without a `price`, it
-    shows no money. `queued` are the fields that go by the queue and the workers.
+    Only its owner sees the path of its webhook, which is often a secret. `queued` are the fields
+    that go by the queue and the workers.
     """
     if job.spec.webhook is not None and not to_owner:
         spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
@@ -318,6 +293,5 @@ def job_view(
     return JobView(
         **job.model_dump(),
         **queued,
-        cost=cost_of(job, price),
         links=links,
     )

@@ -145,15 +145,14 @@ def usage(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Sum up what the stored jobs have cost, in core hours and money.
+    """Sum up what the stored jobs have cost, in core hours.
 
     For example:
       plateau usage
       plateau usage --by owner --since 2026-11-01 --csv > november.csv
 
     In a pipe, columns are separated by tabs: week, owner, batch or job, name, jobs, core hours,
-    cost, core hours saved, cost saved. The total goes to standard error. Money is shown where the
-    service has a price (PLATEAU_CORE_HOUR_PRICE). Removed jobs do not count any more.
+    core hours saved. The total goes to standard error. Removed jobs do not count any more.
     """
     if as_csv and as_json:
         raise typer.BadParameter("--csv and --json are two forms: choose one")

@@ -28,7 +28,6 @@ def spec_fields(
     primaries: str | None = None,
     time_limit: float | None = None,
     require: list[str] | None = None,
-    budget: float | None = None,
     block: list[str] | None = None,
     after: list[str] | None = None,
     aov: list[str] | None = None,
@@ -59,7 +58,6 @@ def spec_fields(
         **named_alike,
         time_limit_s=time_limit,
         requires=require or None,
-        budget_core_hours=budget,
         blocked=block or None,
         after=after or None,
         aovs=aov or None,
@@ -177,7 +175,6 @@ _OPTIONS: Final = {
     "fps": "shot",
     "precision": "exr-precision",
     "compression": "exr-compression",
-    "budget_core_hours": "budget",
 }
 
 

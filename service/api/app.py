@@ -21,7 +21,6 @@ from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.wire.costs import Price
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
 from plateau.service.api.events.hub import EventHub
@@ -77,12 +76,11 @@ def create_app(
     targets: Targets | None = None,
     commands: AllowedCommands | None = None,
     placing: Placing | None = None,
-    price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
     `webhook_allow` are private networks and host names that may receive webhooks, and `targets`
-    are those of notifications. Without a `price` of a core hour, no money is shown.
+    are those of notifications.
     """
 
     @asynccontextmanager
@@ -126,7 +124,6 @@ def create_app(
         targets=targets or Targets(),
         commands=commands or AllowedCommands(),
         placing=placing or Placing(),
-        price=price,
     )
     app.state.parts = parts
     app.state.metrics = Metrics(parts.jobs, blobs)

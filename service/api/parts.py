@@ -19,7 +19,6 @@ from plateau.farm.model.job import Job
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
-from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
@@ -49,7 +48,6 @@ class Parts:
     receivers: Receivers  #: of webhooks
     targets: Targets  #: of notifications
     commands: AllowedCommands  #: that jobs may start at their ends
-    price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:
         """The job, or `JobNotFound`; Redis is not asked for what cannot be an id."""

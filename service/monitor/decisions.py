@@ -105,9 +105,7 @@ def _reach_the_cap(known: Known) -> Step:
 
 
 def _run_out(known: Known) -> Step:
-    limit = known.budget_used or f"its time limit of {known.job.spec.time_limit_s:g} s"
-    if not known.merged and known.budget_used:
-        return EndJob(JobState.CANCELLED, f"{limit} is used up, before a slice of it was rendered")
+    limit = f"its time limit of {known.job.spec.time_limit_s:g} s"
     if not known.merged:  # an exhausted job always has an image
         return EndJob(JobState.FAILED, f"no slice of it was rendered within {limit}")
     reason = f"reached {limit} at {known.spp} spp"
@@ -207,16 +205,16 @@ OPEN: Final = (
         ShowGlimpse(),
     ),
     Row(
-        "the job has a time limit or a budget",
-        lambda known: known.is_limited and known.redis_s is None,
+        "the job has a time limit",
+        lambda known: known.limited_since_s is not None and known.redis_s is None,
         ReadClock(),
     ),
     Row(
-        "its time is up, or its budget used, and it is unknown whether its image can be a result",
-        lambda known: known.is_over and known.merged > 0 and known.flaw is None,
+        "its time is up, and it is unknown whether its image can be a result",
+        lambda known: known.time_is_up and known.merged > 0 and known.flaw is None,
         InspectImage(),
     ),
-    Row("its time is up, or its budget used", lambda known: known.is_over, _run_out),
+    Row("its time is up", lambda known: known.time_is_up, _run_out),
     Row("workers may soon wait", lambda known: known.lacks_slices, _plan),
     Row(
         "the job is paused, and its progress is to be kept",

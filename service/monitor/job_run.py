@@ -139,8 +139,7 @@ class JobRun:
                 return known.with_glimpse(self._results.show_glimpse(known.job, self._judge))
             case steps.ReadClock():
                 job = self._jobs.get(self.owned.job_id)
-                used = self._jobs.budget_used(job.id) if job.has_budget else ""
-                return known.with_time(job, self._jobs.now_ms() / 1000, used)
+                return known.with_time(job, self._jobs.now_ms() / 1000)
             case steps.InspectImage():
                 return replace(known, flaw=flaw_of(self._merge.image()) or "")
             case steps.EndJob():

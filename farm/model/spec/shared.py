@@ -91,21 +91,6 @@ class SharedSpec(Strict):
     batch: str | None = Field(
         default=None, min_length=1, max_length=100, description="a name that groups jobs"
     )
-    at_once: int | None = Field(
-        default=None,
-        ge=1,
-        le=1000,
-        description="while so many jobs of its batch are rendered that have such a limit, it waits "
-        "for its turn, by priority and age",
-    )
-    budget_core_hours: float | None = Field(
-        default=None,
-        ge=1e-9,
-        le=1e9,
-        allow_inf_nan=False,
-        description="once the jobs of its batch that have a budget, or it alone without a batch, "
-        "have cost so many core hours, it ends with its image, or is cancelled if it has no slice",
-    )
     flicker_guard: bool = Field(
         default=False,
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "

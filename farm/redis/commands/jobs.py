@@ -144,10 +144,3 @@ class Reprioritise(Command[Moved]):
 
     job: str
     priority: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class BudgetUsed(Command[str]):
-    """Ask which of a job's budgets is used up, in words; "" if none is."""
-
-    job: str

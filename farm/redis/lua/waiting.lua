@@ -164,13 +164,13 @@ local function file(id)
     redis.call('HMGET', job_key(id), 'state', 'held', 'ready', 'leased', 'slice_spp', 'number',
                'party', 'batch', 'filed'))
   if not state then return end
-  local pinned, asked, need, late_ms, prefix, late, awaits, turn = unpack(
+  local pinned, asked, need, late_ms, prefix, late, awaits = unpack(
     redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need', 'late_ms', 'prefix', 'late',
-               'awaits', 'turn'))
+               'awaits'))
   local class = (pinned or asked) .. ' ' .. (need or DEFAULT_POOL)
   file_late(id, state, class, late_ms, prefix, late)
   local priority = redis.call('ZSCORE', OPEN, id)  -- none once it has ended
-  local queue = queue_for(id, priority, state, held or awaits or turn, ready, class)
+  local queue = queue_for(id, priority, state, held or awaits, ready, class)
   local spp = priority and (leased or 0) * slice_spp or 0
   local counts = spp > 0 or queue ~= ''
   local filed = counts and string.format('%s %.0f %s', priority, spp, queue) or NOT_FILED

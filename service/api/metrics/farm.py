@@ -157,8 +157,8 @@ def _totals(census: Census) -> Iterator[Metric]:
     yield _counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
     yield _counter(
         "plateau_jobs_ended_total",
-        "Jobs ended, by how: converged (a rule fired), exhausted (at its cap, time limit "
-        "or budget), cancelled or failed.",
+        "Jobs ended, by how: converged (a rule fired), exhausted (at its cap or time "
+        "limit), cancelled or failed.",
         census.jobs_ended,
         "state",
     )

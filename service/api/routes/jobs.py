@@ -48,7 +48,6 @@ def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
         return job_view(
             job,
             to_owner=who.made(job.owner),
-            price=farm.price,
             queue_place=places.get(job.id) if job.id in in_line else None,
             fitting_workers=fitting,
             waits_for=waits_for(job, fitting or 0),
@@ -58,7 +57,7 @@ def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
 
 
 def _is_in_line(job: Job) -> bool:
-    return job.state is JobState.QUEUED and not (job.held or job.awaits or job.awaits_turn)
+    return job.state is JobState.QUEUED and not (job.held or job.awaits)
 
 
 #: Whether jobs have a property; ``any`` if that does not matter.
@@ -292,7 +291,7 @@ def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     otherwise answers 409 with its state.
     """
     job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(
@@ -308,7 +307,7 @@ def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     409 with its state.
     """
     job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(

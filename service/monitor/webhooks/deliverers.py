@@ -30,7 +30,6 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.webhooks import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
-from plateau.farm.wire.costs import Price
 from plateau.farm.wire.webhook_views import message
 from plateau.service.monitor.webhooks.commands import Commands
 from plateau.service.monitor.webhooks.notifications import Notifications, NotNotified
@@ -88,7 +87,7 @@ def _notifications(settings: Settings, client: RedisClient, store: Blobs | None)
         except (FileNotFoundError, BlobsUnavailable):  # the words are worth more than the picture
             return None
 
-    return Notifications(read_targets(settings), Price.if_set(settings), settings.page_url, picture)
+    return Notifications(read_targets(settings), settings.page_url, picture)
 
 
 class Deliverer:

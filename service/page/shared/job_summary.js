@@ -23,8 +23,8 @@ export function inWords(state, count = 1) {
  */
 export function outcome({ state, reason }) {
   if (state !== "exhausted") return inWords(state);
-  const limit = ["reached the cap", "reached its time limit", "budget of"].findIndex((begins) => reason.includes(begins));
-  return limit < 0 ? inWords(state) : `reached its ${["cap", "time limit", "budget"][limit]}`;
+  const limit = ["reached the cap", "reached its time limit"].findIndex((begins) => reason.includes(begins));
+  return limit < 0 ? inWords(state) : `reached its ${["cap", "time limit"][limit]}`;
 }
 
 /**

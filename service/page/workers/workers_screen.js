@@ -13,7 +13,7 @@ import { repeat } from "../shared/polling.js";
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.WorkerView & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
+/** @typedef {Api.Worker & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -64,7 +64,6 @@ class WorkerRow {
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
   #machine = h("p", { class: "summary machine" });
-  #costs = h("p", { class: "summary costs" });
   #last = h("ol", { class: "last-slices" });
   #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
   #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
@@ -74,7 +73,7 @@ class WorkerRow {
   #worker;
   #refresh;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#costs, this.#blocks, this.#slices, this.#kinds);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#blocks, this.#slices, this.#kinds);
 
   /**
    * @param {NamedWorker} worker
@@ -120,8 +119,6 @@ class WorkerRow {
     this.#trouble.hidden = !(trouble || error);
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
-    setText(this.#costs, costs(worker));
-    this.#costs.hidden = !this.#costs.textContent;
     this.#showBlocks(worker);
     this.#showSlices(worker);
     this.#showKinds(worker);
@@ -172,35 +169,23 @@ function nameOf({ jobOf }, id) {
 }
 
 /**
- * What its machine does.
- * @param {Api.WorkerView} worker
+ * What its machine does, and what it has rendered.
+ * @param {Api.Worker} worker
  */
-function used({ machine }) {
+function used({ machine, core_hours: hours }) {
   const free = machine?.disk_free_bytes;
   return [
     machine && `${percent(machine.load)} of ${several(machine.cores, "core")} in use`,
     machine && `${bytes(machine.memory_used_bytes)} of ${bytes(machine.memory_bytes)} memory`,
     free != null && `${bytes(free)} of disk left`,
     machine?.temperature_c != null && `${whole(machine.temperature_c)} °C`,
-  ].filter(Boolean).join(" · ");
-}
-
-/**
- * What it has cost and saved.
- * @param {Api.WorkerView} worker
- */
-function costs({ core_hours: hours, saved_core_hours: saved, cost }) {
-  const amount = (/** @type {number} */ hours, /** @type {number | undefined} */ money) =>
-    [`${three(hours)} core hours`, money == null ? "" : `${three(money)} ${cost?.currency ?? ""}`.trim()].filter(Boolean).join(", ");
-  return [
-    hours ? `has cost ${amount(hours, cost?.amount)}` : "",
-    saved ? `its share of what was saved: about ${amount(saved, cost?.saved)}` : "",
+    hours && `${three(hours)} core hours rendered`,
   ].filter(Boolean).join(" · ");
 }
 
 /**
  * Its version, if it says so.
- * @param {Api.WorkerView} worker
+ * @param {Api.Worker} worker
  */
 function version({ plateau }) {
   return plateau ? `Plateau ${plateau} · ` : "";
@@ -208,7 +193,7 @@ function version({ plateau }) {
 
 /**
  * Its pool and tags, if it has any of its own.
- * @param {Api.WorkerView} worker
+ * @param {Api.Worker} worker
  */
 function placed({ pool, tags }) {
   const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];

@@ -16,8 +16,9 @@ from plateau import ApiError, Client, ClientError, Unreachable
 from plateau.client import BadUrl, NotPlateau, PointEvent
 from plateau.commands.connect import connect
 from plateau.farm.model import versions
+from plateau.farm.model.worker import Worker
 from plateau.farm.wire import examples
-from plateau.farm.wire.views import JobPage, WorkerView
+from plateau.farm.wire.views import JobPage
 
 #: Status, body and headers of an answer, by the number of requests before.
 Answers = Callable[[int], tuple[int, bytes, dict[str, str]]]
@@ -148,7 +149,7 @@ class TestVersions:
     ) -> None:
         added = {"workers": [{**examples.WORKER, "aura": "violet"}], "weather": "fair"}
         with Client(server(lambda _: (200, json.dumps(added).encode(), {}))) as client:
-            assert client.workers() == [WorkerView.model_validate(examples.WORKER)]
+            assert client.workers() == [Worker.model_validate(examples.WORKER)]
         point = PointEvent(id="1-0", type="point", data={**examples.POINT, "mood": 1}, at=_AT)
         assert point.point.spp == examples.POINT["spp"]
 

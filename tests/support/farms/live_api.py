@@ -11,7 +11,6 @@ from plateau.farm.bundle import BundleLimits
 from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
-from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -35,7 +34,6 @@ def live_api(
     commands: AllowedCommands | None = None,
     placing: Placing | None = None,
     grace_s: int = 8,
-    price: Price | None = None,
 ) -> Iterator[str]:
     """The URL of an API over this Redis and this store; it is stopped on leaving.
 
@@ -54,7 +52,6 @@ def live_api(
         targets=targets,
         commands=commands,
         placing=placing,
-        price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")
     server = uvicorn.Server(config)

@@ -320,8 +320,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("save: a frame waits for a look at its shot")
 def _(world: World) -> Callable[[], object]:
-    world.committed(batch="walk", at_once=1)
-    world.job(owned=False, batch="walk", at_once=1)
+    world.committed(batch="walk")
     waits = FrameWait(spp=50, stop=True, reason="levelled off", numbers={})
     return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT, waits)
 

@@ -23,7 +23,7 @@ function for_farm.census(it)
   for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have not ended, and a few more
     local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at', 'held',
                            'variant', 'asked_variant', 'committed', 'machine_ms', 'slice_spp',
-                           'expected_spp', 'continued_spp', 'need', 'awaits', 'turn', 'number')
+                           'expected_spp', 'continued_spp', 'need', 'awaits', 'number')
     local state = job[1]
     if state and jobs[state] then
       jobs[state] = jobs[state] + 1
@@ -35,7 +35,7 @@ function for_farm.census(it)
         end
         leased = pending[1] - put_back
       end
-      local may_be_rendered = state ~= 'paused' and not job[5] and not job[14] and not job[15]
+      local may_be_rendered = state ~= 'paused' and not job[5] and not job[14]
       if may_be_rendered then
         waiting = job[2] + put_back
         if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
@@ -43,7 +43,7 @@ function for_farm.census(it)
       local class = (job[6] or job[7] or 'auto') .. ' ' .. (job[13] or DEFAULT_POOL)
       if may_be_rendered then
         classes[class] = classes[class] or {}
-        table.insert(classes[class], {id = id, number = tonumber(job[16])})
+        table.insert(classes[class], {id = id, number = tonumber(job[15])})
       end
       if not least or tonumber(redis.call('ZSCORE', OPEN, id) or least) >= least then
         demand[class] = demand[class] or {waiting = 0, leased = 0, left = 0, work_ms = 0, unmeasured = 0}

@@ -42,7 +42,6 @@ for_farm['continue'] = function(it)
 
   New.remember_request(it.idempotency, it.digest, id)
   New.job(it.job, it.priority, 'goes on with job ' .. old)
-  Turn.take(id)
   redis.call('HINCRBY', job_key(old), 'continued', 1)
   redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', it.judged_spp, 'variant', before[3],
              'width', before[4], 'height', before[5], 'notes', before[6] or '[]',
@@ -149,9 +148,5 @@ function for_farm.reprioritise(it)
   redis.call('ZADD', OPEN, it.priority, id)
   changed[id] = true
   redis.call('HSET', job_key(id), 'priority', it.priority)
-  Turn.place(id)
   return {outcome = 'changed'}
 end
-
--- Return which of a job's budgets is used up, in words; '' if none is.
-function for_farm.budget_used(it) return Budget.used(it.job) end

@@ -50,7 +50,7 @@ function for_workers.commit(it)
   count('tries committed')
   local samples = Slice.samples(id, index, record.spp, it.width, it.height)
   count('samples', samples)
-  Slice.count_samples(id, samples, worker)
+  Slice.count_samples(id, samples)
   if said ~= '' then Slice.note_try(id, index, worker, 'committed', '', machine_ms, said) end
   Outbox.announce(id, 'slice', {index = index, worker = worker, samples = samples})
   redis.call('PUBLISH', WAKE_MONITORS, id)

@@ -204,20 +204,6 @@ def test_a_job_waits_for_others(http: httpx.Client) -> None:
     )
 
 
-def test_a_job_waits_for_its_turn(http: httpx.Client) -> None:
-    first, second = (submitted(http, '{"batch": "walk", "at_once": 1}') for _ in range(2))
-    words = "waits for its turn: of its batch, at most 1 may be rendered at once"
-    assert [(one["awaits_turn"], one["waits_for"]) for one in (first, second)] == [
-        (False, "waits for a worker: there is none that takes work"),
-        (True, words),
-    ]
-    scene = {"scene": ("a.xml", SCENE_XML)}
-    assert second["queue_place"] is None
-    for spec in ('{"at_once": 1}', '{"batch": "walk", "at_once": 0}'):
-        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
-        assert "at_once" in problem(answer, 422, "invalid-spec")["detail"]
-
-
 def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:
     for number in range(MOST_NEEDS + 1):
         scene = {"scene": ("a.xml", SCENE_XML)}

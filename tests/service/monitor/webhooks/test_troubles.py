@@ -15,7 +15,6 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
 from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
@@ -25,7 +24,6 @@ from plateau.service.monitor.webhooks.troubles import Teller, telling_troubles
 from tests.farm.ledger.test_workers import about
 from tests.service.monitor.webhooks.test_notifications import Mails, SmtpServer, by_json
 from tests.support.farms.receiver import OK, receiving
-from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 
@@ -92,7 +90,7 @@ def test_each_trouble_is_told_once_until_it_is_over(
     assert "waits for a worker with tags gpu" in told
 
 
-def test_a_worker_that_fails_again_and_again_and_a_budget_that_is_used_up(
+def test_a_worker_that_fails_again_and_again_is_told(
     client: redis.Redis, store: Blobs, mails: tuple[Mails, Targets]
 ) -> None:
     box, targets = mails
@@ -101,14 +99,10 @@ def test_a_worker_that_fails_again_and_again_and_a_budget_that_is_used_up(
     teller.look()
     assert box.came == []
     lives(client, last_error="slice 3: SIGSEGV", failures=3)
-    job = StagedJob(client, batch="walk", budget_core_hours=1)
-    job.commit()
-    job.end(JobState.EXHAUSTED, "reached its batch's budget of 1 core hours at 25 spp")
     teller.look()
     teller.look()
-    worker, budget = texts(box)
+    [worker] = texts(box)
     assert "failed 3 times in a row, at last so: slice 3: SIGSEGV" in worker
-    assert "a budget is used up (batch walk)" in budget
 
 
 def test_a_store_that_takes_nothing_is_told_by_the_machine_that_sees_it(
