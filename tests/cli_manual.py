@@ -47,15 +47,15 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
             "the workers."
         ),
-        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain", "block"),
+        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain"),
     ),
     (
         "Continue ended jobs",
         (
             "Each makes a new job from an ended one, which stays as it is: `continue` and "
-            "`rejudge` from its samples, `retry` and `resubmit` from its scene."
+            "`rejudge` from its samples, `resubmit` from its scene."
         ),
-        ("continue", "rejudge", "retry", "resubmit"),
+        ("continue", "rejudge", "resubmit"),
     ),
     (
         "Batches",

@@ -17,12 +17,10 @@ from plateau.farm.model.errors import (
     IllegalTransition,
     JobEnded,
     JobNotFound,
-    TooManyBlocked,
     TooManyJobs,
     TooManyNeeds,
 )
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
-from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
@@ -33,7 +31,6 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import (
-    Block,
     Create,
     End,
     Made,
@@ -245,31 +242,6 @@ class Jobs:
             raise JobEnded(job_id, moved.state, self.story(job_id))
         return self.get(job_id)
 
-    def block(self, job_id: str, worker: str, *, undo: bool = False) -> Job:
-        """Keep a worker (its id), or a machine (its host), from the job's slices; or undo that.
-
-        It finishes the slice that it has. Repeating it is harmless.
-
-        Raises
-        ------
-        JobNotFound, JobEnded
-            There is no such job, or it has ended.
-        TooManyBlocked, TooManyNeeds
-            As many workers are blocked as may be; or open jobs need too many different workers.
-        """
-        answer = self._scripts.run(
-            Block(job=job_id, worker=worker, blocks=not undo, most=MOST_BLOCKED)
-        )
-        if answer.outcome == "illegal":
-            if answer.state == "missing":
-                raise JobNotFound(job_id)
-            raise JobEnded(job_id, answer.state, self.story(job_id))
-        if answer.outcome == "too many":
-            raise TooManyBlocked(job_id, answer.has)
-        if answer.outcome == "too varied":
-            raise TooManyNeeds(answer.has)
-        return self.get(job_id)
-
     def results(self, job_id: str) -> str:
         """The blob prefix of the job's last results; "" where it has none yet."""
         with unavailable_as_farm_error():
@@ -338,7 +310,7 @@ class Jobs:
             pipe = self._redis.pipeline(transaction=False)
             for worker_id in alive:
                 pipe.hgetall(keys.worker(worker_id))
-            return [records.worker(fields) for fields in pipe.execute() if fields]
+            return [records.worker(fields, now) for fields in pipe.execute() if fields]
 
     def places(self) -> dict[str, int]:
         """The place of each queued job, from 1: by priority, then by age.

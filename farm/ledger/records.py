@@ -48,12 +48,18 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
     return {int(index): slice_record(records[index]) for index in sorted(records, key=int)}
 
 
-def worker(fields: dict[str, str]) -> Worker:
+def worker(fields: dict[str, str], now_ms: float) -> Worker:
     """A worker as its last heartbeat described it, without the fields of a newer Plateau."""
     about = json.loads(fields["about"])
+    left_out = fields.get("left_out", "").split()
     known = {
         **about,
         "drained": "drained" in fields,
+        "left_out_of": tuple(
+            job
+            for job, until in zip(left_out[::2], left_out[1::2], strict=False)
+            if float(until) > now_ms
+        ),
         "seen_at": moment(fields["seen_at"]),
     }
     return Worker.model_validate(known, extra="ignore")
@@ -215,9 +221,6 @@ def _spec(fields: dict[str, str]) -> JobSpec:
     spec = stored_spec(fields["spec"])
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
-    if "blocked" in fields:
-        blocked = tuple(filter(None, fields["blocked"].split(",")))
-        spec = spec.model_copy(update={"blocked": blocked})
     return spec
 
 

@@ -119,7 +119,7 @@ class Census:
             return (
                 (not variants or variant == ANY or variant in variants)
                 and pool in (None, in_pool)
-                and (tags is None or set(",".join(_tags(required)).split(",")) <= {*tags, ""})
+                and (tags is None or set(",".join(required).split(",")) <= {*tags, ""})
             )
 
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))
@@ -162,11 +162,6 @@ def take_census(
         webhooks_dropped=totals.get("webhooks dropped", 0),
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
-
-
-def _tags(required: list[str]) -> list[str]:
-    """The parts of a class that have tags, not those of blocked workers."""
-    return [part for part in required if not part.startswith("!")]
 
 
 def _demand(work: commands.Work, unmeasured_ms: float) -> Demand:

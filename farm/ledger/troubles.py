@@ -56,7 +56,7 @@ def _unserved(jobs: Jobs) -> list[Trouble]:
     counted: Counter[str] = Counter()
     for job_id in jobs.census().unserved[:_LOOKED_AT]:
         job = jobs.get(job_id)
-        words = waits_for(job, crew.fitting(job))
+        words = waits_for(job, crew)
         if words is not None:
             counted[words] += 1
             waiting.setdefault(words, Trouble(words, f"job {job.name} ({job_id}) {words}", job_id))

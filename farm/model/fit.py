@@ -43,19 +43,9 @@ class Kind:
         )
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(filter(None, text.split(",")))
-
-
 def need(spec: SharedSpec) -> str:
-    """A job's pool, tags and blocked workers, as Redis has them."""
-    blocked = f" !{','.join(spec.blocked)}" if spec.blocked else ""
-    return f"{spec.pool} {','.join(spec.requires)}".rstrip() + blocked
-
-
-def blocked_in(need: str) -> tuple[str, ...]:
-    """The blocked workers of a need."""
-    return _names(need.partition("!")[2])
+    """A job's pool and tags, as Redis has them."""
+    return f"{spec.pool} {','.join(spec.requires)}".rstrip()
 
 
 class Crew:
@@ -69,12 +59,13 @@ class Crew:
 
     def fitting(self, job: Job) -> int:
         """How many of them may render the job."""
-        if not job.spec.blocked:
-            return sum(count for kind, count in self._kinds.items() if kind.serves(job))
-        blocked = set(job.spec.blocked)
+        every = sum(count for kind, count in self._kinds.items() if kind.serves(job))
+        return every - self.left_out(job)
+
+    def left_out(self, job: Job) -> int:
+        """How many others could, but are left out of it for a while."""
         return sum(
-            _kind(worker).serves(job) and not {worker.id, worker.host} & blocked
-            for worker in self._workers
+            job.id in worker.left_out_of and _kind(worker).serves(job) for worker in self._workers
         )
 
 
@@ -82,23 +73,20 @@ def _kind(worker: Worker) -> Kind:
     return Kind(worker.variants, worker.pool, worker.tags)
 
 
-def waits_for(job: Job, fitting: int) -> str | None:
-    """The worker or the jobs that a job waits for, in words; None if it may be rendered.
-
-    So many workers are `fitting`.
-    """
+def waits_for(job: Job, crew: Crew) -> str | None:
+    """The worker or the jobs that a job waits for, in words; None if it may be rendered."""
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
     if job.awaits:
         return job.reason
-    if fitting:
+    if crew.fitting(job):
         return None
     variant = job.variant or job.spec.variant
     wanted = [
         "" if variant == ANY else f"that renders {variant}",
         "" if job.spec.pool == DEFAULT_POOL else f"in pool {job.spec.pool}",
         f"with tags {', '.join(job.spec.requires)}" if job.spec.requires else "",
-        "that is not blocked for it" if job.spec.blocked else "",
+        "that is not left out of it" if crew.left_out(job) else "",
     ]
     which = " ".join(filter(None, ["a worker", *wanted]))
     return f"waits for {which}: there is none that takes work"

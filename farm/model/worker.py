@@ -69,8 +69,10 @@ class Worker(_Record):
     drained: bool = Field(
         False, description="it takes no more slices, and finishes the one that it has"
     )
-    blocked_for: tuple[str, ...] = Field(
-        (), description="jobs that have not ended and that it must not render, by their ids"
+    left_out_of: tuple[str, ...] = Field(
+        (),
+        description="jobs of which it gets no slice for two minutes, by their ids: a slice of them "
+        "died on it, or it does not see the scene's files as they were submitted",
     )
     core_hours: float | None = Field(
         None,

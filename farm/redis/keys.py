@@ -16,8 +16,7 @@ plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
-plateau:needs             hash    pool, tags and blocked workers of open jobs → how     the jobs'
-                                  many jobs
+plateau:needs             hash    pool and tags of open jobs → how many jobs           the jobs'
 plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
                                   holds up their image is late (ms)
 plateau:idle              hash    idle workers → 1                                      while so
@@ -42,7 +41,7 @@ plateau:scene:SHA:going   string  set while the scene's blob is being removed   
 plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
-                                  for slices with which it was lost
+                                  for slices with which it was lost, ``left_out`` of jobs
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
@@ -162,7 +161,7 @@ NOTIFIED: Final = "notify:"
 #: Before the name of a command, as a receiver.
 STARTED: Final = "then:"
 
-#: Most different needs (pool, tags, blocked workers) of open jobs: a lease may look at each.
+#: Most different needs (pool and tags) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
 
 #: The consumer group of every job's slices.

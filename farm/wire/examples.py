@@ -148,7 +148,7 @@ WORKER: Final[dict[str, Any]] = {
     "failures": 1,
     "trouble": None,
     "drained": False,
-    "blocked_for": ["9d01c2aa4be7"],
+    "left_out_of": ["9d01c2aa4be7"],
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
 }
@@ -232,7 +232,6 @@ JOB: Final[dict[str, Any]] = {
         "events": f"{_ROOT}/events",
         "image_png": f"{_ROOT}/image.png",
         "cancel": f"{_ROOT}/cancel",
-        "retry": f"{_ROOT}/retry",
     },
 }
 
@@ -340,11 +339,9 @@ PROBLEM_DETAILS: Final = {
     "(`plateau gc --scenes-unused-for DAYS`)",
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
-    "too-many-needs": "jobs that have not ended need 64 different combinations of pool, tags and "
-    "blocked workers, which is the most that a farm takes; wait for some to end, or ask for a "
+    "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags, "
+    "which is the most that a farm takes; wait for some to end, or ask for a "
     "combination that others have",
-    "too-many-blocked": f"16 workers are blocked for job {JOB_ID}, and no more can be; let another "
-    "one render it again, or drain it",
     "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
     "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
     "spoiled-file": f"what was stored as jobs/{JOB_ID}/results/0000400-7-final/image.exr is "

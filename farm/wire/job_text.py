@@ -193,8 +193,6 @@ def summary(job: Job, now: datetime) -> str:
             rows.append(("workers", f"it {job.waits_for}"))
         elif job.fitting_workers:
             rows.append(("workers", f"{job.fitting_workers} can render it"))
-    if job.spec.blocked:
-        rows.append(("blocked", ", ".join(job.spec.blocked)))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
         image = f"{job.width}×{job.height}, {job.variant}, {title_with_parameters(job)}{denoised}"

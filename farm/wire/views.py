@@ -285,7 +285,6 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         "resume": f"{root}/resume",
         "archive": f"{root}/archive",
         "restore": f"{root}/restore",
-        "retry": f"{root}/retry",
         "continue": f"{root}/continue",
         "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",

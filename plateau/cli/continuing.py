@@ -58,23 +58,6 @@ def rejudge(
 
 
 @app.command()
-def retry(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """Try an ended job again on other workers, and print the new job's id.
-
-    For example:
-      plateau retry 3f9ac2d01b77
-      plateau watch $(plateau retry 3f9ac2d01b77) -o out
-
-    The new job has the same scene and spec, without the webhook. The workers on which tries of the
-    old one failed are blocked for it; `plateau show` says so if no other lives, and `plateau block
-    WORKER --job ID --undo` lets one render it again.
-    """
-    from plateau.commands.jobs import retry as run
-
-    run(job_id, url=url, as_json=as_json)
-
-
-@app.command()
 @o.takes_changes(*_ALL)
 def resubmit(
     job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False

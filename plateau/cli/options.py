@@ -70,7 +70,6 @@ NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without
 AMONG_MANY: Final = (
     "pool",
     "require",
-    "block",
     "after",
     "priority",
     "batch",
@@ -256,13 +255,6 @@ def spec_from_options(
             metavar="ID|BATCH",
             help="Job, or batch, that must have ended well before this one starts; may be "
             "repeated.",
-        ),
-    ] = None,
-    block: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="WORKER",
-            help="Worker, or machine, that must not render the job; may be repeated.",
         ),
     ] = None,
     min_spp: Annotated[

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from plateau.cli import complete
 from plateau.cli import options as o
 from plateau.cli.app import app
 from plateau.farm.model.usage import Grouping
@@ -93,42 +92,6 @@ def drain(
     from plateau.commands.farm import drain as run
 
     run(worker_id, undo=undo, url=url, as_json=as_json)
-
-
-@app.command()
-def block(
-    worker: Annotated[
-        str,
-        typer.Argument(
-            metavar="WORKER", help="The worker's id, or the host of all workers of a machine."
-        ),
-    ],
-    job_id: Annotated[
-        str,
-        typer.Option(
-            "--job",
-            metavar="ID",
-            help="The job, which has not ended.",
-            autocompletion=complete.job_ids,
-        ),
-    ],
-    undo: Annotated[bool, typer.Option("--undo", help="Let it render the job again.")] = False,
-    url: o.Url = None,
-    as_json: o.Json = False,
-) -> None:
-    """Keep a worker from the slices of one job. It finishes the slice that it has.
-
-    For example:
-      plateau block vm-23618-bc86 --job 3f9ac2d01b77
-      plateau block node7 --job 3f9ac2d01b77
-      plateau block node7 --job 3f9ac2d01b77 --undo
-
-    A worker that is restarted has another id; a machine keeps its name. `plateau retry` blocks the
-    workers on which a job failed.
-    """
-    from plateau.commands.jobs import block as run
-
-    run(job_id, worker, undo=undo, url=url, as_json=as_json)
 
 
 @app.command()

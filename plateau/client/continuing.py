@@ -62,19 +62,6 @@ class ContinuingCalls(Calls):
         """
         return self._new_job(f"/v1/jobs/{job_id}/rejudge", changes, idempotency_key)
 
-    def retry(self, job_id: str, *, idempotency_key: str = "") -> JobView:
-        """Try the ended job again on other workers; returns the new job.
-
-        It has the same scene and spec, without the webhook. The workers on which tries of the old
-        one failed are blocked for it.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``job-not-ended``; ``too-many-needs``.
-        """
-        return self._new_job(f"/v1/jobs/{job_id}/retry", None, idempotency_key)
-
     def resubmit(
         self, job_id: str, changes: dict[str, Any] | None = None, *, idempotency_key: str = ""
     ) -> JobView:

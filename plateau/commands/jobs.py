@@ -190,26 +190,6 @@ def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None
     print(job.model_dump_json(indent=2) if as_json else shown)
 
 
-def block(job_id: str, worker: str, *, undo: bool, url: str | None, as_json: bool) -> None:
-    """Keep a worker, or a machine, from a job's slices, or let it render them again."""
-    with connect(url) as client:
-        call = client.unblock if undo else client.block
-        job = call(client.whole_id(job_id), worker)
-    blocked = ", ".join(job.spec.blocked) or "no worker"
-    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {blocked} blocked")
-    if job.waits_for:
-        tell(f"job {job.id} {job.waits_for}")
-
-
-def retry(job_id: str, *, url: str | None, as_json: bool) -> None:
-    """Try an ended job again on other workers; prints the new job's id."""
-    with connect(url) as client:
-        job = client.retry(client.whole_id(job_id))
-    _print_id(job, as_json=as_json)
-    if job.waits_for:
-        tell(f"job {job.id} {job.waits_for}")
-
-
 def _state(name: str | None) -> JobState | None:
     try:
         return None if name is None else JobState(name)

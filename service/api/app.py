@@ -39,7 +39,6 @@ from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import batches as routes_batches
-from plateau.service.api.routes import blocking as routes_blocking
 from plateau.service.api.routes import continuing as routes_continue
 from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
@@ -134,7 +133,6 @@ def create_app(
         routes_batches,
         routes_shots,
         routes_continue,
-        routes_blocking,
         routes_results,
         routes_images,
         routes_previews,

@@ -11,6 +11,7 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import Refused
 from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
@@ -71,14 +72,12 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(second).to_contain_text("idle")
     first.get_by_text("What its bits depend on").click()
     expect(first).to_contain_text("bits 3f1c09ab27de")
-    # One is blocked for the job that it renders, and shows for which it is
-    first.get_by_role("button", name="Block for box").click()
-    page.get_by_role("button", name="Block it").click()
-    expect(first.locator(".blocks")).to_have_text("Blocked for box.")
+    # One on which a slice died is left out of the job
+    client.hset(keys.worker("w-1"), "left_out", f"{job.id} 9000000000000")
+    expect(first.locator(".left-out")).to_have_text("Left out for a while of box")
     after = farm.submit("comp", after=(job.id,))
     waiting = visit(f"/jobs/{after.id}", expected={404}).page
     expect(waiting.locator(".reason")).to_have_text(f"It waits for job box.zip ({job.id}).")
-    assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
     # What a job's command has come to is in its story, though its stream has ended
     done = StagedJob(client, then=["movie"])
     done.commit(4)

@@ -203,7 +203,7 @@ class Supervisor:
         except FilesDiffer as error:
             self._about.last_error = f"job {lease.job_id}: {error}"
             _LOG.warning("%s", error)
-            self._reports.block(lease, str(error), self._tried(started))
+            self._reports.leave_out(lease, str(error), self._tried(started))
         except FileNotFoundError:
             tried = self._tried(started)
             absent = f"the blob store has no scene {lease.scene_sha256}"

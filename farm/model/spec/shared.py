@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
-from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags, WorkerNames
+from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
@@ -115,10 +115,6 @@ class SharedSpec(Strict):
         description="ids of jobs and names of batches: it waits until all of them, a batch with "
         "the jobs that it has now, have converged or reached their limits, and their results "
         "are written; if one fails or is cancelled, it is cancelled too",
-    )
-    blocked: WorkerNames = Field(
-        default=(),
-        description="workers that must not render it, by their ids, or machines, by their hosts",
     )
     seed: int = Field(
         default=0,

@@ -148,27 +148,3 @@ end
 function Job.is_owned(id, token)
   return redis.call('GET', job_key(id, 'owner')) == token
 end
-
--- Block a worker, or a machine, for an open job, or let it render the job again. At most so many can be
--- blocked.
--- Returns an answer as that of the command block.
-function Job.block(id, worker, blocks, most)
-  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
-  local base, had = string.match(need .. ' !', '^([^!]*) !(%S*)')
-  local names = blocks and {worker} or {}
-  for name in string.gmatch(had, '[^,]+') do
-    if name ~= worker then names[#names + 1] = name end
-  end
-  if blocks and #names > most then return {outcome = 'too many', has = #names - 1} end
-  table.sort(names)
-  local blocked = table.concat(names, ',')
-  local wanted = base .. (blocked ~= '' and ' !' .. blocked or '')
-  if wanted == need then return {outcome = 'changed'} end
-  local refused = New.needs_too_much({need = wanted})
-  if refused then return refused end
-  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
-  redis.call('HINCRBY', NEEDS, wanted, 1)
-  redis.call('HSET', job_key(id), 'need', wanted, 'blocked', blocked)
-  changed[id], has_more[id] = true, true
-  return {outcome = 'changed'}
-end

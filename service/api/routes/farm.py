@@ -44,7 +44,7 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 def _all_workers(farm: Parts) -> Workers:
     workers = farm.jobs.workers()
     return Workers(
-        workers=farm.workers.with_blocks(workers),
+        workers=workers,
         refused=farm.workers.refused(workers),
     )
 

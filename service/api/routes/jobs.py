@@ -44,13 +44,12 @@ def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     places = farm.jobs.places() if in_line else {}
 
     def view(job: Job) -> JobView:
-        fitting = None if job.state.ended else crew.fitting(job)
         return job_view(
             job,
             to_owner=who.made(job.owner),
             queue_place=places.get(job.id) if job.id in in_line else None,
-            fitting_workers=fitting,
-            waits_for=waits_for(job, fitting or 0),
+            fitting_workers=None if job.state.ended else crew.fitting(job),
+            waits_for=waits_for(job, crew),
         )
 
     return list(map(view, jobs))

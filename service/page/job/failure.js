@@ -4,13 +4,11 @@ import { get } from "../shared/api.js";
 import { h } from "../shared/dom.js";
 import { clock, sentence, several } from "../shared/figures.js";
 import { complain } from "../shared/notices.js";
-import { maySteer } from "../shared/permissions.js";
-import { tryAgainButton } from "./again.js";
 
 /** What to do: where the scene is at fault, where renderers died, and otherwise. */
 const ADVICE = {
   failed: "No worker can render the scene as it is. Mend it, and submit it again.",
-  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, try again: those workers are then blocked for the new job.",
+  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and submit it again.",
   none: "Change what is named above, and submit it again.",
 };
 
@@ -24,26 +22,20 @@ export class Failure {
     this.#signal = signal;
   }
 
-  /**
-   * @param {Api.JobView} job
-   * @param {(path: string) => void} go
-   */
-  show(job, go) {
-    const key = job.state === "failed" ? `${job.id} ${maySteer(job)}` : "";
+  /** @param {Api.JobView} job */
+  show(job) {
+    const key = job.state === "failed" ? job.id : "";
     if (key === this.#shown) return;
     this.#shown = key;
     this.element.hidden = !key;
-    if (key) this.#fill(job, go).catch((error) => {
+    if (key) this.#fill(job).catch((error) => {
       this.#shown = "";
       if (!this.#signal.aborted) complain(error);
     });
   }
 
-  /**
-   * @param {Api.JobView} job
-   * @param {(path: string) => void} go
-   */
-  async #fill(job, go) {
+  /** @param {Api.JobView} job */
+  async #fill(job) {
     /** @type {Api.Log} */
     const { entries } = await get(job.links.log, this.#signal);
     const fatal = /^slice (\d+) failed/.exec(job.reason);
@@ -51,7 +43,6 @@ export class Failure {
     const workers = new Set(tries.map(({ worker }) => worker)).size;
     this.element.replaceChildren(h("div", {},
       h("p", {}, ADVICE[fatal ? "died" : tries.length ? "failed" : "none"]),
-      fatal && tryAgainButton(job, go),
       tries.length > 0 && h("p", { class: "summary" },
         `Slice ${tries[0].slice} was tried ${several(tries.length, "time")}, by ${several(workers, "worker")}.`),
       ...tries.map(({ at, worker, cause, text }) => h("div", {},

@@ -1,10 +1,9 @@
 // A job: is it there yet, what does it look like, and why did it stop?
 
 import { follow, get, isProblem } from "../shared/api.js";
-import { unblock } from "../shared/blocked_workers.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
-import { controls, mayControl } from "../shared/job_controls.js";
+import { controls } from "../shared/job_controls.js";
 import { file, filedSince, filingButtons, filings } from "../shared/job_filing.js";
 import { JobId } from "../shared/job_id.js";
 import { ENDED, noiseTarget, outcome, timeLeft, title, took } from "../shared/job_summary.js";
@@ -40,12 +39,11 @@ export function open(main, { id, signal, go }) {
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
   const earlier = h("a");
   const before = h("p", { class: "summary", hidden: true }, "It continues ", earlier, ".");
-  const blocked = h("p", { class: "summary blocked", hidden: true });
   const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" });
   const chart = new CurveChart(signal);
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
-  const records = new Records(signal, () => look());
+  const records = new Records(signal);
   const failure = new Failure(signal);
   /** @type {Api.CurvePoint[]} */
   const points = [];
@@ -55,7 +53,7 @@ export function open(main, { id, signal, go }) {
     h("header", {},
       h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
       h("div", { class: "head" },
-        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, before, blocked),
+        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, before),
         actions),
       reason, failure.element, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
@@ -111,7 +109,6 @@ export function open(main, { id, signal, go }) {
       setAttribute(earlier, "href", `/jobs/${job.continues}`);
       setText(earlier, `an earlier job, at ${whole(job.continued_spp)} spp`);
     }
-    showBlocked(job);
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
     // The forecast, if any, is a better goal than the cap.
@@ -126,21 +123,9 @@ export function open(main, { id, signal, go }) {
         ...filingButtons(filings(job), (what) => file([newest], what, look)));
     }
     chart.show(job, points);
-    failure.show(job, go);
+    failure.show(job);
     facts.show(job);
     records.show(job);
-  }
-
-  let blockedShown = "";
-  /** @param {Api.JobView} job */
-  function showBlocked(job) {
-    const mayUnblock = mayControl(job);
-    const key = `${mayUnblock} ${job.spec.blocked}`;
-    if (key === blockedShown) return;
-    blockedShown = key;
-    blocked.hidden = !job.spec.blocked.length;
-    blocked.replaceChildren("Blocked for it: ", ...job.spec.blocked.flatMap((worker, at) => [`${at ? ", " : ""}${worker} `,
-      mayUnblock ? h("button", { "aria-label": `Unblock ${worker}`, onclick: () => unblock(newest, worker, look) }, "Unblock") : ""]));
   }
 
   /** @type {Api.JobView | null} */

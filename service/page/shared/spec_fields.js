@@ -75,7 +75,6 @@ export const WORKERS = [
   { name: "variant", label: "Variant" },
   { name: "pool", label: "Pool" },
   { name: "requires", label: "Tags", help: "Only workers that have all of these render it. Separated by commas." },
-  { name: "blocked", label: "But not", help: "Workers and machines that must not render it, by their names, separated by commas." },
 ];
 
 /**

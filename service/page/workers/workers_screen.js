@@ -1,13 +1,12 @@
 // The list of living workers: what each does, and its troubles.
 
 import { get, send } from "../shared/api.js";
-import { block } from "../shared/blocked_workers.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
 import { title } from "../shared/job_summary.js";
 import { attempt } from "../shared/notices.js";
-import { maySteer, maySteerWorkers } from "../shared/permissions.js";
+import { maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 2000;
@@ -33,7 +32,7 @@ export function open(main, { signal }) {
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers, refused } = await get("/v1/workers", signal);
-    const named = workers.flatMap(({ job, blocked_for: blocked, last_slices: last }) => [...(job ? [job] : []), ...blocked, ...last.map((one) => one.job)]);
+    const named = workers.flatMap(({ job, left_out_of: left, last_slices: last }) => [...(job ? [job] : []), ...left, ...last.map((one) => one.job)]);
     const unknown = new Set(named.filter((id) => !jobs.has(id)));
     await Promise.all([...unknown].map(async (id) => {
       jobs.set(id, await get(`/v1/jobs/${id}`, signal).catch(() => null));
@@ -68,12 +67,11 @@ class WorkerRow {
   #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
   #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
   #trouble = h("p", { class: "bad" });
-  #blocks = h("p", { class: "summary blocks" });
+  #leftOut = h("p", { class: "summary left-out" });
   #drain = h("button");
   #worker;
-  #refresh;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#blocks, this.#slices, this.#kinds);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut, this.#slices, this.#kinds);
 
   /**
    * @param {NamedWorker} worker
@@ -81,7 +79,6 @@ class WorkerRow {
    */
   constructor(worker, refresh) {
     this.#worker = worker;
-    this.#refresh = refresh;
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
       const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
@@ -119,23 +116,18 @@ class WorkerRow {
     this.#trouble.hidden = !(trouble || error);
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
-    this.#showBlocks(worker);
+    this.#showLeftOut(worker);
     this.#showSlices(worker);
     this.#showKinds(worker);
   }
 
   /** @param {NamedWorker} worker */
-  #showBlocks(worker) {
-    const { id, job, blocked_for: blocked, jobOf } = worker;
-    const rendered = job && !blocked.includes(job) ? jobOf(job) : null;
-    const offered = rendered && maySteer(rendered) ? rendered : null;
-    const key = [offered?.id, ...blocked].join();
-    if (this.#blocks.dataset.shown === key) return;
-    this.#blocks.dataset.shown = key;
-    this.#blocks.hidden = !offered && !blocked.length;
-    this.#blocks.replaceChildren(
-      ...blocked.flatMap((one) => ["Blocked for ", h("a", { href: `/jobs/${one}` }, nameOf(worker, one)), ". "]),
-      offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${title(offered)}`) : "");
+  #showLeftOut(worker) {
+    const { left_out_of: left } = worker;
+    this.#leftOut.hidden = !left.length;
+    if (this.#leftOut.dataset.shown === left.join()) return;
+    this.#leftOut.dataset.shown = left.join();
+    this.#leftOut.replaceChildren("Left out for a while of ", ...left.flatMap((one, at) => [at ? ", " : "", h("a", { href: `/jobs/${one}` }, nameOf(worker, one))]));
   }
 
   /** @param {NamedWorker} worker */

@@ -89,7 +89,6 @@ def test_a_scene_is_submitted_again_with_another_spec(
             "variant": "scalar_rgb",
             "pool": "night",
             "requires": ["gpu", "highmem"],
-            "blocked": ["west"],
             "seed": 12,
             "sensor": 0,
             "slice_spp": 50,

@@ -1,7 +1,6 @@
 """The screen of a job that failed says why, what to do, and what was printed."""
 
 import json
-import re
 
 import httpx
 import pytest
@@ -13,8 +12,6 @@ from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.scenes.bundles import scene
 
-#: Whether an element comes before another in the document.
-BEFORE = "(one, other) => Boolean(one.compareDocumentPosition(other) & 4)"
 KILLED = "the render process was ended by SIGKILL while rendering a pass"
 
 
@@ -39,7 +36,7 @@ def poisoned(farm: NoiseFarm, url: str) -> str:
     return job_id
 
 
-def test_what_workers_died_of_is_said_with_their_log_and_it_is_tried_again(
+def test_what_workers_died_of_is_said_with_their_log(
     visit: Visit, farm: NoiseFarm, poisoned: str
 ) -> None:
     page = visit(f"/jobs/{poisoned}", expected={404}).page
@@ -49,22 +46,6 @@ def test_what_workers_died_of_is_said_with_their_log_and_it_is_tried_again(
     expect(why(page)).to_contain_text("too little memory for the scene")
     expect(why(page)).to_contain_text("Slice 0 was tried 3 times, by 2 workers.")
     expect(why(page).locator("pre")).to_have_text([f"out of memory, try {n}" for n in range(3)])
-    # What to do comes before the log
-    again = why(page).get_by_role("button", name="Try again on another worker")
-    assert again.evaluate(BEFORE, why(page).locator("pre").first.element_handle())
-    again.click()
-    expect(page).not_to_have_url(re.compile(f"{poisoned}$"))
-    expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
-    expect(why(page)).to_have_count(0)
-    old, new = farm.jobs.get(poisoned), farm.jobs.get(page.url.rpartition("/")[2])
-    blocked = old.spec.model_copy(update={"blocked": ("east", "west")})
-    assert (new.state, new.spec, new.scene_sha256) == (JobState.QUEUED, blocked, old.scene_sha256)
-    # It says who must not render it, and lets one of them
-    who = page.locator(".blocked")
-    expect(who).to_have_text("Blocked for it: east Unblock, west Unblock")
-    page.get_by_role("button", name="Unblock east").click()
-    expect(who).to_have_text("Blocked for it: west Unblock")
-    assert farm.jobs.get(new.id).spec.blocked == ("west",)
 
 
 def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(

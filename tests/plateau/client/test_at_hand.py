@@ -104,21 +104,6 @@ def test_a_worker_is_drained_and_takes_slices_again(plateau: Client, client: red
         plateau.drain("another")
 
 
-def test_a_worker_is_blocked_for_a_job_that_is_tried_again(
-    plateau: Client, client: redis.Redis
-) -> None:
-    job = StagedJob(client).id
-    assert plateau.block(job, "vm-1").spec.blocked == ("vm-1",)
-    assert plateau.block(job[:5], "vm-2").spec.blocked == ("vm-1", "vm-2")
-    assert plateau.unblock(job, "vm-1").spec.blocked == ("vm-2",)
-    with pytest.raises(ApiError, match="tried again"):
-        plateau.retry(job)
-    plateau.cancel(job)
-    again = plateau.retry(job, idempotency_key="k")
-    assert (again.spec.blocked, again.id == job) == (("vm-2",), False)
-    assert plateau.retry(job, idempotency_key="k").id == again.id
-
-
 def test_a_job_comes_after_others_by_their_first_letters(
     plateau: Client, client: redis.Redis
 ) -> None:

@@ -196,29 +196,6 @@ class TestFarm:
         code, _, err = plateau("drain", "w-2")
         assert (code, "there is no worker 'w-2'" in err) == (1, True)
 
-    def test_a_worker_is_blocked_for_a_job(self, job: StagedJob) -> None:
-        blocked = "that is not blocked for it: there is none that takes work"
-        at = ("--job", job.id)
-        code, out, err = plateau("block", "w-1", *at)
-        assert (code, out, blocked in err) == (0, f"{job.id} w-1 blocked\n", True)
-        assert json.loads(plateau("block", "w-2", *at, "--json")[1])["spec"]["blocked"] == [
-            "w-1",
-            "w-2",
-        ]
-        assert "blocked:    w-1, w-2" in plateau("show", job.id)[1]
-        plateau("block", "w-1", *at, "--undo")
-        assert plateau("block", "w-2", *at, "--undo")[1] == f"{job.id} no worker blocked\n"
-        code, _, err = plateau("block", "a,b", *at)
-        assert (code, "worker: must be" in err) == (1, True)
-
-    def test_a_failed_job_is_tried_again(self, job: StagedJob) -> None:
-        code, _, err = plateau("retry", job.id)
-        assert (code, "only a job that has ended" in err) == (1, True)
-        plateau("cancel", job.id)
-        code, again, _ = plateau("retry", job.id[:5])
-        assert (code, len(again.strip())) == (0, 12)
-        assert again.strip() != job.id
-
     def test_a_worker_is_a_row(self) -> None:
         now = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
         worker = Worker(

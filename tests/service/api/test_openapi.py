@@ -201,7 +201,6 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
         ("/v1/jobs", "idempotency-key"),
         ("/v1/jobs/{job_id}/continue", "idempotency-key"),
         ("/v1/jobs/{job_id}/rejudge", "idempotency-key"),
-        ("/v1/jobs/{job_id}/retry", "idempotency-key"),
         (f"{job}/events", "last-event-id"),
         ("/v1/batches/{name}/shot/film.png", "if-none-match"),
         ("/v1/batches/{name}/shot/flicker.png", "if-none-match"),

@@ -242,6 +242,12 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.queue.died(lease, "killed by SIGSEGV", 0.5, "words")
 
 
+@case("hand_back: the worker does not see the scene's files")
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.hand_back(lease, 0.5, cause="files differ", leaves_out=True)
+
+
 @case("hand_back")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
@@ -488,12 +494,6 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
     return lambda: world.jobs.set_priority(job, 7)
-
-
-@case("block", lambda job: job.spec.blocked == ("w-1",))
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    return lambda: world.jobs.block(job, "w-1")
 
 
 @case("guard", lambda batch: batch.guard.guarded, answers_before=6)

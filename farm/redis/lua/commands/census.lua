@@ -3,7 +3,7 @@
 function for_farm.census(it)
   local jobs, demand, oldest = {queued = 0, rendering = 0, paused = 0}, {}, nil
   local least = it.least_priority
-  local classes = {}  -- jobs of each class that workers may render now
+  local kinds, unserved = Waiting.at_work(it.alive_ms), {}
 
   -- Add a job's slices, up to the end that its monitor expects, and one worker's time for them: by the mean
   -- of its slices so far; `unmeasured` are the slices of jobs without any.
@@ -41,9 +41,8 @@ function for_farm.census(it)
         if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
       end
       local class = (job[6] or job[7] or 'auto') .. ' ' .. (job[13] or DEFAULT_POOL)
-      if may_be_rendered then
-        classes[class] = classes[class] or {}
-        table.insert(classes[class], {id = id, number = tonumber(job[15])})
+      if may_be_rendered and not Waiting.is_served(id, class, kinds) then
+        table.insert(unserved, {id = id, number = tonumber(job[15])})
       end
       if not least or tonumber(redis.call('ZSCORE', OPEN, id) or least) >= least then
         demand[class] = demand[class] or {waiting = 0, leased = 0, left = 0, work_ms = 0, unmeasured = 0}
@@ -52,29 +51,14 @@ function for_farm.census(it)
     end
   end
 
-  local workers, kind_of = {idle = 0, rendering = 0, out_of_service = 0}, {}
+  local workers = {idle = 0, rendering = 0, out_of_service = 0}
   for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - it.alive_ms, '+inf')) do
     local about = cjson.decode(redis.call('HGET', worker_key(id), 'about') or '{}')
     local state = given(about.trouble) and 'out_of_service' or given(about.job) and 'rendering' or 'idle'
     workers[state] = workers[state] + 1
-    if not given(about.trouble) and redis.call('HEXISTS', worker_key(id), 'drained') == 0 then
-      kind_of[id] = Waiting.kind_of(about)
-    end
   end
 
   -- Jobs without a suitable living worker that takes work, the oldest first.
-  local function is_served(class)
-    for worker, kind in pairs(kind_of) do
-      if Waiting.variant_of(kind, class, worker) then return true end
-    end
-    return false
-  end
-  local unserved = {}
-  for class, of_it in pairs(classes) do
-    if not is_served(class) then
-      for _, job in ipairs(of_it) do table.insert(unserved, job) end
-    end
-  end
   table.sort(unserved, function(one, other) return one.number < other.number end)
   for at, job in ipairs(unserved) do unserved[at] = job.id end
 

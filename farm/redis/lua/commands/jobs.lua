@@ -127,17 +127,6 @@ function for_farm.resume(it)
   return {outcome = 'rendering'}
 end
 
--- Block a worker, or a machine, for a job that has not ended, or let it render the job again; the next lease
--- respects it.
--- Returns 'changed', also where it was so before; 'illegal' with the state; 'too many' with the number that
--- are blocked; or 'too varied' with the number of different needs of open jobs.
-function for_farm.block(it)
-  if not Job.is_open(it.job) then
-    return {outcome = 'illegal', state = redis.call('HGET', job_key(it.job), 'state') or 'missing'}
-  end
-  return Job.block(it.job, it.worker, it.blocks, it.most)
-end
-
 -- Change the priority of a job that has not ended; the next lease respects it.
 -- Returns 'changed', also where it had this priority before, or 'illegal' with the state.
 function for_farm.reprioritise(it)

@@ -332,11 +332,6 @@ class TestAShot:
         assert job["in_shot"] == {"id": made["job_ids"][0], "waits": None, "answer": None}
         for picture in ("film", "flicker"):
             problem(http.get(found["links"][picture]), 404, "no-image-yet")
-        # Nor is one that tries a frame again
-        http.post(f"/v1/jobs/{job['id']}/cancel")
-        again = http.post(f"/v1/jobs/{job['id']}/retry").json()
-        assert (again["spec"]["batch"], again["in_shot"]) == ("walk", None)
-        assert http.get(found["links"]["self"]).json()["id"] == found["id"]
         submit(http, WIDE, frames(16, 16, batch="still"))
         for path in ("shot", "shot/film.png", "shot/flicker.png"):
             problem(http.get(f"/v1/batches/still/{path}"), 404, "no-shot")

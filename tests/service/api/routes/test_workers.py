@@ -130,36 +130,10 @@ def submitted(http: httpx.Client, spec: str = "{}") -> dict[str, Any]:
     return http.post("/v1/jobs", files=scene, data={"spec": spec}).json()
 
 
-def test_a_worker_is_blocked_for_a_job(http: httpx.Client, worker: str) -> None:
-    job = submitted(http)
-    path = f"{job['links']['self']}/blocked/{worker}"
-
-    def blocked() -> tuple[list[str], list[str]]:
-        shown = http.get(job["links"]["self"]).json()["spec"].get("blocked", [])
-        return shown, http.get("/v1/workers").json()["workers"][0]["blocked_for"]
-
-    answer = http.put(path)
-    words = "waits for a worker that is not blocked for it: there is none that takes work"
-    assert (answer.status_code, answer.json()["waits_for"]) == (202, words)
-    assert blocked() == ([worker], [job["id"]])
-    assert http.delete(path).json()["waits_for"] is None
-    assert blocked() == ([], [])
-    for name in ("a,b", "%20", "!", "x" * 101):
-        problem(http.put(f"{job['links']['self']}/blocked/{name}"), 422, "invalid-request")
-    for number in range(16):
-        assert http.put(f"{job['links']['self']}/blocked/w{number}").status_code == 202
-    problem(http.put(path), 409, "too-many-blocked")
-    http.post(job["links"]["cancel"])
-    problem(http.put(path), 409, "job-ended")
-    problem(http.put(f"/v1/jobs/{'0' * 12}/blocked/w"), 404, "unknown-job")
-
-
-def test_a_failed_job_is_tried_again_on_other_workers(
+def test_a_worker_says_of_which_jobs_it_is_left_out(
     http: httpx.Client, client: redis.Redis, worker: str
 ) -> None:
-    hook = '"webhook": {"url": "https://studio.example/a"}'
-    job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {hook}}}')
-    problem(http.post(job["links"]["retry"]), 409, "job-not-ended")
+    job = submitted(http)
     owners = Ownerships(client, lease_s=60)
     owned = owners.acquire(job["id"])
     assert owned is not None
@@ -167,15 +141,12 @@ def test_a_failed_job_is_tried_again_on_other_workers(
     queue = SliceQueue(client, worker, 60)
     lease = queue.lease(("scalar_rgb",), None, in_turn=False)
     assert lease is not None
-    queue.fail(lease, "no such driver")
-    headers = {"Idempotency-Key": "again"}
-    first, second = (http.post(job["links"]["retry"], headers=headers) for _ in range(2))
-    again = first.json()
-    assert (first.status_code, first.headers["Location"]) == (201, f"/v1/jobs/{again['id']}")
-    assert (second.json()["id"], second.headers["Idempotency-Replayed"]) == (again["id"], "true")
-    assert (again["name"], again["spec"]["seed"], again["state"]) == ("kitchen", 3, "queued")
-    assert (again["spec"]["blocked"], again["spec"]["webhook"]) == (["old", worker], None)
-    assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
+    queue.hand_back(lease, cause="its files differ", leaves_out=True)
+    (shown,) = http.get("/v1/workers").json()["workers"]
+    assert shown["left_out_of"] == [job["id"]]
+    waits = http.get(job["links"]["self"]).json()
+    assert waits["waits_for"].startswith("waits for a worker that is not left out of it")
+    assert waits["fitting_workers"] == 0
 
 
 def test_a_job_waits_for_others(http: httpx.Client) -> None:
