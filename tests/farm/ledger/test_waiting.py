@@ -88,10 +88,10 @@ class History:
         spec = JobSpec(
             priority=a % 3 - 1,
             batch=(None, "one", "two:auto 0", None)[b % 4],
-            variant=("auto", "auto", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
+            variant=("auto", "scalar_rgb", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
             slice_spp=(25, 100)[b // 4 % 2],
             pool=("default", "default", "far")[a // 36 % 3],
-            requires=((), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 4],
+            requires=((), (), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 5],
         )
         owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
         job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
@@ -99,6 +99,8 @@ class History:
         assert owned is not None
         self.made.append((owned, spec))
         self.plan(-1, b % 3)
+        for worker in ((), (), ("cpu",), ("cpu", "gpu"))[b // 32 % 4]:
+            self.left_out(worker, job.id)
 
     def plan(self, a: int, b: int) -> None:
         if self.made:
@@ -123,9 +125,17 @@ class History:
         else:
             scripts.run(End(job=owned.job_id, target="cancelled", reason="cancelled"))
 
-    def relent(self, a: int, b: int) -> None:
-        """A worker has been left out of its jobs for long enough."""
-        self.client.hdel(keys.worker(sorted(WORKERS)[a % len(WORKERS)]), "left_out")
+    def leave_out(self, a: int, b: int) -> None:
+        """A worker is left out of a job, or has been left out of all for long enough."""
+        worker = sorted(WORKERS)[a % len(WORKERS)]
+        if b % 4 == 0:
+            self.client.hdel(keys.worker(worker), "left_out")
+        elif self.made:
+            self.left_out(worker, self.made[b % len(self.made)][0].job_id)
+
+    def left_out(self, worker: str, job_id: str) -> None:
+        had = self.client.hget(keys.worker(worker), "left_out") or ""
+        self.client.hset(keys.worker(worker), "left_out", f"{had} {job_id} {LONG_TO_COME}")
 
     # Slices
 
@@ -394,7 +404,7 @@ def note_what_ran_out(client: redis.Redis) -> None:
 
 NUMBERS = st.integers(0, 2**16)
 KINDS = [
-    *("create", "plan", "steer", "relent", "commit", "give_up"),
+    *("create", "plan", "steer", "leave_out", "commit", "give_up"),
     *("run_out", "renew", "reject", "dawdle"),
 ]
 HISTORIES = st.lists(

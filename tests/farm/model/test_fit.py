@@ -29,8 +29,9 @@ class Farm:
         self.jobs = Jobs(client)
         self.workers = Workers(client)
 
-    def job(self, **spec: object) -> Job:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+    def job(self, owner: str = "", **spec: object) -> Job:
+        made = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00", owner=owner)
+        job = made.job
         owners = Ownerships(self.client, lease_s=60)
         owned = owners.acquire(job.id)
         assert owned is not None
@@ -129,12 +130,21 @@ class TestLeftOut:
         farm.relents("west")
         assert given("west") == first.id
 
-    def test_also_those_behind_it_of_the_same_batch_or_key(self, farm: Farm) -> None:
-        for name in ("west", "east"):
-            farm.lives(name)
-        first, second = farm.job(batch="walk"), farm.job(batch="walk")
-        farm.dies("west", first)
-        assert farm.queue("west").lease(LLVM, None, in_turn=False).job_id == second.id
+    def test_it_gets_those_behind_it_in_the_same_queue(self, farm: Farm) -> None:
+        def given_without(*jobs: Job) -> str:
+            left_out = " ".join(f"{job.id} 9000000000000" for job in jobs)
+            farm.client.hset(keys.worker("w"), "left_out", left_out)
+            return farm.given()
+
+        first, second = (farm.job(batch="walk", variant="scalar_rgb") for _ in range(2))
+        alone = farm.job(variant="scalar_rgb")
+        others = farm.job(variant="scalar_rgb", owner="0123456789ab")
+        # One of the same batch, one without a batch, and one of another key
+        assert given_without(first, others) == second.id
+        assert given_without(first, alone, others) == second.id
+        assert given_without(first, second, others) == alone.id
+        assert given_without(first, second, alone) == others.id
+        assert given_without(first, second, alone, others) == ""
 
     def test_it_is_not_woken_and_others_are(self, farm: Farm) -> None:
         stop, wakes = Stop(), {}
