@@ -49,7 +49,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
             "the workers."
         ),
-        ("cancel", "pause", "resume", "priority", "delete", "restore", "again", "drain", "block"),
+        ("cancel", "pause", "resume", "priority", "delete", "restore", "again", "drain"),
     ),
     (
         "Batches",

@@ -58,19 +58,6 @@ class KeyLimits(BaseModel):
     open_jobs: int | None = Field(
         ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
     )
-    jobs_at_once: int | None = Field(
-        None,
-        ge=1,
-        le=1_000_000_000,
-        description="most jobs that are rendered at once, further ones wait; null: any",
-    )
-    core_hours_per_week: float | None = Field(
-        None,
-        gt=0,
-        le=1e9,
-        allow_inf_nan=False,
-        description="core hours that its jobs may cost in a week, from Monday, UTC; null: any",
-    )
     scenes_bytes: int | None = Field(
         None, ge=1, le=2**60, description="most bytes of scenes that it has stored; null: any"
     )

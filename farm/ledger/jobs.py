@@ -17,13 +17,10 @@ from plateau.farm.model.errors import (
     IllegalTransition,
     JobEnded,
     JobNotFound,
-    TooManyBlocked,
     TooManyJobs,
     TooManyNeeds,
 )
-from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, Again, CurvePoint, Event, Job, LogEntry
-from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
@@ -34,8 +31,6 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import (
-    Block,
-    BudgetUsed,
     Create,
     End,
     Made,
@@ -252,31 +247,6 @@ class Jobs:
             raise JobEnded(job_id, moved.state, self.story(job_id))
         return self.get(job_id)
 
-    def block(self, job_id: str, worker: str, *, undo: bool = False) -> Job:
-        """Keep a worker (its id), or a machine (its host), from the job's slices; or undo that.
-
-        It finishes the slice that it has. Repeating it is harmless.
-
-        Raises
-        ------
-        JobNotFound, JobEnded
-            There is no such job, or it has ended.
-        TooManyBlocked, TooManyNeeds
-            As many workers are blocked as may be; or open jobs need too many different workers.
-        """
-        answer = self._scripts.run(
-            Block(job=job_id, worker=worker, blocks=not undo, most=MOST_BLOCKED)
-        )
-        if answer.outcome == "illegal":
-            if answer.state == "missing":
-                raise JobNotFound(job_id)
-            raise JobEnded(job_id, answer.state, self.story(job_id))
-        if answer.outcome == "too many":
-            raise TooManyBlocked(job_id, answer.has)
-        if answer.outcome == "too varied":
-            raise TooManyNeeds(answer.has)
-        return self.get(job_id)
-
     def results(self, job_id: str) -> str:
         """The blob prefix of the job's last results; "" where it has none yet."""
         with unavailable_as_farm_error():
@@ -342,22 +312,21 @@ class Jobs:
             pipe = self._redis.pipeline(transaction=False)
             for worker_id in alive:
                 pipe.hgetall(keys.worker(worker_id))
-            return [records.worker(fields) for fields in pipe.execute() if fields]
+            return [records.worker(fields, now) for fields in pipe.execute() if fields]
 
-    def kinds(self, within_s: float = ALIVE_S) -> list[Kind]:
-        """The kinds of workers that asked for work in the last `within_s` seconds."""
+    def places(self) -> dict[str, int]:
+        """The place of each queued job, from 1: by priority, then by age.
+
+        Within a priority, keys and batches share the workers, so that a job may start before older
+        ones of others.
+        """
         with unavailable_as_farm_error():
-            since = self.now_ms() - within_s * 1000
-            kinds = self._redis.zrangebyscore(keys.KINDS, since, "+inf")
-            return [Kind.read(kind) for kind in kinds]
+            weights = {keys.OPEN: -1e12, keys.in_state(JobState.QUEUED.value): 1}
+            return {job: place for place, job in enumerate(self._redis.zinter(weights), start=1)}
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds, which all processes go by."""
         return now_ms(self._redis)
-
-    def budget_used(self, job_id: str) -> str:
-        """Which of the job's budgets of core hours is used up, in words; "" if none is."""
-        return self._scripts.run(BudgetUsed(job=job_id))
 
     def census(self, *, from_priority: int | None = None) -> Census:
         """The whole farm's work, done and to do; demand counts jobs of this priority or above."""

@@ -6,8 +6,9 @@ from enum import Enum
 
 from pydantic import BaseModel, ConfigDict
 
+from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.place_names import DEFAULT_POOL, MOST_BLOCKED
+from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
@@ -185,7 +186,10 @@ class SliceQueue:
         )
 
     def died(self, lease: Lease, cause: str, machine_s: float, said: str = "") -> str:
-        """Report that the render child died on the slice; the third death fails the job."""
+        """Report that the render child died on the slice; the third death fails the job.
+
+        If another worker can render the job, this one takes nothing of it for a while.
+        """
         return self._scripts.run(
             Died(
                 job=lease.job_id,
@@ -194,6 +198,7 @@ class SliceQueue:
                 index=lease.index,
                 cause=cause,
                 most_tries=MAX_TRIES,
+                alive_ms=round(ALIVE_S * 1000),
                 machine_ms=round(machine_s * 1000),
                 threads=self._threads,
                 said=said,
@@ -207,13 +212,13 @@ class SliceQueue:
         *,
         cause: str = "",
         unfit: bool = False,
-        blocked: bool = False,
+        leaves_out: bool = False,
         said: str = "",
     ) -> None:
         """Give the slice back for the next worker.
 
-        This one is `unfit` if it can render nothing. It is `blocked` for the job if it can render
-        others; with too many blocked workers the job fails.
+        This one is `unfit` if it can render nothing. With `leaves_out` it takes nothing of this job
+        for a while, and renders others.
         """
         self._scripts.run(
             HandBack(
@@ -223,7 +228,7 @@ class SliceQueue:
                 index=lease.index,
                 what="unfit" if unfit else "handed-back",
                 cause=cause,
-                most_blocked=MOST_BLOCKED if blocked else 0,
+                leaves_out=leaves_out,
                 machine_ms=round(machine_s * 1000),
                 threads=self._threads,
                 said=said,

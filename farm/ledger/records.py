@@ -50,13 +50,18 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
     return {int(index): slice_record(records[index]) for index in sorted(records, key=int)}
 
 
-def worker(fields: dict[str, str]) -> Worker:
+def worker(fields: dict[str, str], now_ms: float) -> Worker:
     """A worker as its last heartbeat described it."""
     about = json.loads(fields["about"])
+    left_out = fields.get("left_out", "").split()
     known = {
         **about,
         "drained": "drained" in fields,
-        "saved_core_hours": round(int(fields.get("saved_core_ms", 0)) / 3_600_000, 9),
+        "left_out_of": tuple(
+            job
+            for job, until in zip(left_out[::2], left_out[1::2], strict=False)
+            if float(until) > now_ms
+        ),
         "seen_at": moment(fields["seen_at"]),
     }
     return Worker.model_validate(known)
@@ -129,8 +134,6 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
         awaits=int(fields.get("awaits", 0)),
-        awaits_turn="turn" in fields,
-        has_budget="budget" in fields or "key_budget" in fields,
         image_spp=_image_spp(fields),
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
@@ -176,7 +179,6 @@ def new_job(
         "asked_variant": spec.variant,
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
-        "max_spp": spec.max_spp,
         **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
         **({} if again is None else {"again": again.model_dump_json()}),
@@ -191,12 +193,6 @@ def new_job(
         "points": 0,
         "machine_ms": 0,
     }
-    if (end_spp := spec.rule.behaviour.expected_end_spp(None)) is not None:
-        fields["end_spp"] = end_spp
-    if spec.at_once is not None:
-        fields["at_once"] = spec.at_once
-    if spec.budget_core_hours is not None:
-        fields["budget"] = str(spec.budget_core_hours)
     return NewJob(secrets.token_hex(6), fields, _sealed(spec.notice))
 
 
@@ -252,9 +248,6 @@ def _spec(fields: Mapping[str, str]) -> JobSpec:
     spec = stored_spec(fields["spec"])
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
-    if "blocked" in fields:
-        blocked = tuple(filter(None, fields["blocked"].split(",")))
-        spec = spec.model_copy(update={"blocked": blocked})
     return spec
 
 

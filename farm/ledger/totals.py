@@ -65,7 +65,8 @@ class Census:
 
     jobs: dict[str, int]  #: that have not ended, by state
     jobs_stored: int  #: whatever their state
-    jobs_unserved: int  #: without a suitable living worker that takes work
+    #: Jobs without a suitable living worker that takes work, the oldest first.
+    unserved: tuple[str, ...]
     queue_age_s: float  #: age of the oldest job without a rendered slice; 0 without one
     #: Of open jobs, by their class: variant ("auto" for any), pool, and tags with commas between.
     demand: dict[str, Demand]
@@ -117,7 +118,7 @@ class Census:
             return (
                 (not variants or variant == ANY or variant in variants)
                 and pool in (None, in_pool)
-                and (tags is None or set(",".join(_tags(required)).split(",")) <= {*tags, ""})
+                and (tags is None or set(",".join(required).split(",")) <= {*tags, ""})
             )
 
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))
@@ -137,7 +138,7 @@ def take_census(
     return Census(
         jobs=found.jobs,
         jobs_stored=found.stored,
-        jobs_unserved=found.unserved,
+        unserved=found.unserved,
         queue_age_s=0.0 if oldest is None else (float(found.now) - float(oldest)) / 1000,
         demand={
             needed: _demand(work, _mean_slice_ms(totals)) for needed, work in found.demand.items()
@@ -159,11 +160,6 @@ def take_census(
         notice_tries={end: totals.get(f"notice tries {end}", 0) for end in NOTICE_TRY_ENDS},
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
-
-
-def _tags(required: list[str]) -> list[str]:
-    """The parts of a class that have tags, not those of blocked workers."""
-    return [part for part in required if not part.startswith("!")]
 
 
 def _demand(work: commands.Work, unmeasured_ms: float) -> Demand:

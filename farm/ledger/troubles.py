@@ -8,9 +8,8 @@ from typing import Final
 
 from plateau.farm.blobs.store import MARK, Blobs
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.starts import unserved
 from plateau.farm.model.errors import BlobsUnavailable
-from plateau.farm.model.fit import waits_for
+from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
@@ -34,9 +33,9 @@ class Trouble:
 
 
 def of_farm(client: RedisClient) -> list[Trouble]:
-    """What all monitors see: jobs without a worker, workers that fail."""
+    """What all monitors see: jobs without a worker, and workers that fail."""
     jobs = Jobs(client)
-    return [*_unserved(client, jobs), *_workers(jobs)]
+    return [*_unserved(jobs), *_workers(jobs)]
 
 
 def of_store(store: Blobs) -> list[Trouble]:
@@ -51,13 +50,13 @@ def of_store(store: Blobs) -> list[Trouble]:
     return []
 
 
-def _unserved(client: RedisClient, jobs: Jobs) -> list[Trouble]:
-    kinds, workers = jobs.kinds(), jobs.workers()
+def _unserved(jobs: Jobs) -> list[Trouble]:
+    crew = Crew(jobs.workers())
     waiting: dict[str, Trouble] = {}
     counted: Counter[str] = Counter()
-    for job_id in unserved(client)[:_LOOKED_AT]:
+    for job_id in jobs.census().unserved[:_LOOKED_AT]:
         job = jobs.get(job_id)
-        words = None if job.awaits_turn else waits_for(job, kinds, workers)
+        words = waits_for(job, crew)
         if words is not None:
             counted[words] += 1
             waiting.setdefault(words, Trouble(words, f"job {job.name} ({job_id}) {words}", job_id))

@@ -1,15 +1,10 @@
 """Drains workers, which then take no more work, and resumes them."""
 
-from collections.abc import Iterable
 from typing import Final
 
 from plateau.farm.model.errors import WorkerNotFound
-from plateau.farm.model.fit import blocked_in
-from plateau.farm.model.worker import Worker
-from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 #: A worker lives for this long after its last heartbeat.
@@ -38,28 +33,6 @@ class Workers:
     def resume(self, worker_id: str) -> None:
         """Let a drained worker take work again; raises `WorkerNotFound` as `drain` does."""
         self._tell(worker_id, drains=False)
-
-    def with_blocks(self, workers: Iterable[Worker]) -> list[Worker]:
-        """The workers, each with the open jobs for which it, or its machine, is blocked."""
-        with unavailable_as_farm_error():
-            if not any(" !" in need for need in self._redis.hkeys(keys.NEEDS)):
-                return list(workers)
-            jobs = self._redis.zrevrange(keys.OPEN, 0, -1)
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id in jobs:
-                pipe.hget(keys.job(job_id), "need")
-            needs = zip(jobs, pipe.execute(), strict=True)
-        blocked = [(job, set(blocked_in(need))) for job, need in needs if need and "!" in need]
-        return [
-            worker.model_copy(
-                update={
-                    "blocked_for": tuple(
-                        job for job, names in blocked if names & {worker.id, worker.host}
-                    )
-                }
-            )
-            for worker in workers
-        ]
 
     def _tell(self, worker_id: str, *, drains: bool) -> None:
         drain = Drain(worker=worker_id, drains=drains, alive_ms=round(ALIVE_S * 1000))

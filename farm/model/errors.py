@@ -14,8 +14,7 @@
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
     ├── TooManyJobs        the API key has as many open jobs as it may
-    ├── TooManyNeeds       open jobs need too many different pools, tags and blocked workers
-    ├── TooManyBlocked     as many workers are blocked for a job as may be
+    ├── TooManyNeeds       open jobs need too many different pools and tags
     ├── UnknownKey         no API key of that id, or it was revoked
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   ├── BlobsUnavailable   the blob store does
@@ -181,21 +180,13 @@ class TooManyJobs(FarmError):
 
 
 class TooManyNeeds(FarmError):
-    """Open jobs need as many different workers as they may: by pool, tags and blocks."""
+    """Open jobs need as many different workers as they may: by pool and tags."""
 
     def __init__(self, most: int) -> None:
         super().__init__(
-            f"jobs that have not ended need {most} different combinations of pool, tags and "
-            "blocked workers, which is the most that a farm takes"
+            f"jobs that have not ended need {most} different combinations of pool and tags, "
+            "which is the most that a farm takes"
         )
-
-
-class TooManyBlocked(FarmError):
-    """As many workers are blocked for the job as may be."""
-
-    def __init__(self, job_id: str, has: int) -> None:
-        super().__init__(f"{has} workers are blocked for job {job_id}, and no more can be")
-        self.job_id = job_id
 
 
 class UnknownKey(FarmError):

@@ -172,16 +172,6 @@ class Job(_Record):
     awaits: int = Field(
         0, description="how many of `spec.after` have not ended yet; `reason` names them"
     )
-    awaits_turn: bool = Field(
-        False,
-        description="whether it waits for its turn: as many jobs of its key or its batch are "
-        "rendered as may be at once",
-    )
-    has_budget: bool = Field(
-        False,
-        description="whether its core hours count towards a budget, of its own, of its "
-        "batch or of its key",
-    )
     image_spp: int | None = Field(
         None, description="samples per pixel of the newest image that can be fetched, if any can"
     )

@@ -1,4 +1,4 @@
-"""The names of pools and tags, and those of workers."""
+"""The names of pools and tags."""
 
 from typing import Annotated, Final
 
@@ -15,18 +15,6 @@ PlaceName = Annotated[
 def _in_order(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted(set(names)))
 
-
-#: A worker by its id, or all workers of a machine by its host name.
-WorkerName = Annotated[
-    str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
-]
-
-#: The most workers that are blocked for a job.
-MOST_BLOCKED: Final = 16
-
-WorkerNames = Annotated[
-    tuple[WorkerName, ...], Field(max_length=MOST_BLOCKED), AfterValidator(_in_order)
-]
 
 #: The most tags of a job, or of a worker's settings.
 MOST_TAGS: Final = 16

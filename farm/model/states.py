@@ -11,7 +11,7 @@ class JobState(str, Enum):
     RENDERING = "rendering"
     PAUSED = "paused"
     CONVERGED = "converged"  #: a rule fired
-    EXHAUSTED = "exhausted"  #: the cap, the time limit or a budget ended it without
+    EXHAUSTED = "exhausted"  #: the cap or the time limit ended it without
     CANCELLED = "cancelled"
     FAILED = "failed"
 
@@ -31,14 +31,13 @@ class JobState(str, Enum):
         return f"has {self.in_words}" if self is JobState.EXHAUSTED else f"is {self.value}"
 
 
-#: What ended a job: its rule; the most samples, time or core hours that it may have; a person;
+#: What ended a job: its rule; the most samples or the time that it may have; a person;
 #: what it waited for, which ended badly; a scene that cannot be rendered; the deaths of all workers
 #: that tried a slice; an image that is no result, with too many NaNs; or a fault in the farm.
 EndedBy = Literal[
     "rule",
     "cap",
     "time_limit",
-    "budget",
     "person",
     "predecessor",
     "scene",

@@ -68,18 +68,15 @@ class Worker(_Record):
     drained: bool = Field(
         False, description="it takes no more slices, and finishes the one that it has"
     )
-    blocked_for: tuple[str, ...] = Field(
-        (), description="jobs that have not ended and that it must not render, by their ids"
+    left_out_of: tuple[str, ...] = Field(
+        (),
+        description="jobs of which it gets no slice for two minutes, by their ids: a slice of them "
+        "died on it, or it does not see the scene's files as they were submitted",
     )
     core_hours: float | None = Field(
         None,
         description="what the slices cost that it has rendered since its start: their time, times "
         "its threads",
-    )
-    saved_core_hours: float = Field(
-        0.0,
-        description="its share, by samples, of what the stops of converged jobs saved since its "
-        "start",
     )
     last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
     kinds: tuple[str, ...] = Field(

@@ -59,8 +59,6 @@ class Settings(BaseSettings):
     key_upload_gb: float | None = Field(None, gt=0, le=_MOST_GB)
     key_scenes_gb: float | None = Field(50.0, gt=0, le=2**30)
     key_open_jobs: int = Field(10_000, ge=1, le=1_000_000_000)
-    key_jobs_at_once: int | None = Field(None, ge=1, le=1_000_000_000)
-    key_core_hours_per_week: float | None = Field(None, gt=0, le=1e9, allow_inf_nan=False)
     lease_s: float = Field(15.0, gt=0, le=_DAY_S)
     heartbeat_s: float = Field(
         default_factory=lambda known: min(5.0, known["lease_s"] / 3), gt=0, le=_DAY_S
@@ -87,8 +85,6 @@ class Settings(BaseSettings):
     alive_file: Path | None = None
     label: str | None = Field(None, max_length=200)
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
-    core_hour_price: float | None = Field(None, ge=0, le=1e9, allow_inf_nan=False)
-    currency: str = Field("", max_length=12, pattern=r"^[^\x00-\x1f\x7f]*$")
     log_format: LogFormat = "text"
 
     @field_validator("heartbeat_s")

@@ -49,7 +49,7 @@ _ID: Final = "?" * 12
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger"),
-    *("seeds", "deaths", "spoiled", "events", "log", "shares"),
+    *("seeds", "deaths", "spoiled", "events", "log"),
 )
 
 _QUEUE: Final = (
@@ -60,9 +60,7 @@ _QUEUE: Final = (
     keys.WAITING,
     f"{keys.WAITING}:*",
     keys.NEEDS,
-    keys.SPENT,
     keys.LATE,
-    keys.KINDS,
     keys.LEASES,
     f"{PREFIX}share:*",
     keys.IDLE,
@@ -92,7 +90,6 @@ _MONITOR: Final = (
     keys.GUARDED,
     keys.GATES,
     f"{PREFIX}gate:*",
-    f"{PREFIX}turns:*",
     keys.batch("*"),
     keys.SCENES,
     keys.SCENES_USED,

@@ -14,12 +14,9 @@ plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
-plateau:needs             hash    pool, tags and blocked workers of open jobs → how     the jobs'
-                                  many jobs
+plateau:needs             hash    pool and tags of open jobs → how many jobs           the jobs'
 plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
                                   holds up their image is late (ms)
-plateau:kinds             zset    pool, variants and tags of workers that take work,   1 h
-                                  scored by the last heartbeat of one (ms)
 plateau:idle              hash    idle workers → 1                                      while so
 plateau:idle:kinds        set     their kinds, and maybe others                        till woken
 plateau:idle:KIND         set     those of the kind, and maybe others                  till woken
@@ -34,11 +31,6 @@ plateau:batches:guarded   set     batches whose jobs must all stop alike        
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
                                   NUMBER NAME"; see after.lua
-plateau:turns:had:GROUP   set     jobs that have their turn in the group, "key ID" or    till done
-                                  "batch NAME"; see turns.lua
-plateau:turns:held:GROUP  zset    jobs that wait for theirs, the next first            till theirs
-plateau:spent             hash    "batch NAME" or "key ID WEEK" → the core ms of its    for ever, a
-                                  jobs with a budget; see budgets.lua                  week 2
 plateau:gates             zset    gates of batches, scored by their numbers            till open
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
@@ -46,7 +38,7 @@ plateau:scene:SHA:going   string  set while the scene's blob is being removed   
 plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
-                                  for slices with which it was lost, ``saved_core_ms``
+                                  for slices with which it was lost, ``left_out`` of jobs
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
@@ -75,10 +67,7 @@ plateau:job:ID:paces      hash    worker → ms for which it had its last slice,
 plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
-plateau:job:ID:shares     hash    worker → samples that it has in the ledger, by which   till end
-                                  what a converged job saved is shared out
 plateau:job:ID:after      zset    gates that it waits for, in the order of its spec    till open
-plateau:job:ID:turns      set     groups in which it has its turn, or waits for it     till done
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
                                   zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
@@ -123,10 +112,8 @@ UNFINISHED: Final = PREFIX + "jobs:unfinished"
 WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
 NEEDS: Final = PREFIX + "needs"
-SPENT: Final = PREFIX + "spent"
 TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
-KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
@@ -149,7 +136,7 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 FREE: Final = "free "
 WAKE_NOTIFIER: Final = PREFIX + "wake:notifier"
 
-#: Most different needs (pool, tags, blocked workers) of open jobs: a lease may look at each.
+#: Most different needs (pool and tags) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
 
 #: The consumer group of every job's slices.
@@ -158,9 +145,8 @@ GROUP: Final = "workers"
 #: The keys of a job beside its hash.
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
-    "shares",
     *("curve", "events", "log", "sealed", "digests"),
-    *("owner", "fence", "rounds", "after", "turns", "shot"),
+    *("owner", "fence", "rounds", "after", "shot"),
 )
 
 
@@ -212,7 +198,7 @@ local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
 local DELETED = '{DELETED}'
 local FREE = '{FREE}'
 local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
-local NEEDS, KINDS, IDLE, IDLE_KINDS = '{NEEDS}', '{KINDS}', '{IDLE}', '{IDLE}:kinds'
+local NEEDS, IDLE, IDLE_KINDS = '{NEEDS}', '{IDLE}', '{IDLE}:kinds'
 local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
@@ -227,7 +213,7 @@ local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
-local SPENT, TROUBLES = '{SPENT}', '{TROUBLES}'
+local TROUBLES = '{TROUBLES}'
 local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end

@@ -38,8 +38,6 @@ _NAMESPACES: Final = {
     "Slice": "slices",
     "New": "new_jobs",
     "After": "after",
-    "Turn": "turns",
-    "Budget": "budgets",
 }
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")

@@ -131,8 +131,6 @@ WORKER: Final[dict[str, Any]] = {
     "slices_done": 16,
     "samples_per_s": 2.7e6,
     "core_hours": 0.022,
-    "saved_core_hours": 0.35,
-    "cost": {"amount": 0.00088, "saved": 0.014, "currency": "EUR"},
     "kinds": [
         "mitsuba 3.9.1 (llvm_ad_rgb; libLLVM.so.19.1; AMD EPYC 9R14; bits 3f1c09ab27de)",
     ],
@@ -150,7 +148,7 @@ WORKER: Final[dict[str, Any]] = {
     "failures": 1,
     "trouble": None,
     "drained": False,
-    "blocked_for": ["9d01c2aa4be7"],
+    "left_out_of": ["9d01c2aa4be7"],
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
 }
@@ -212,13 +210,11 @@ JOB: Final[dict[str, Any]] = {
     "machine_s": 10.4,
     "core_hours": 0.023111111,
     "saved_core_hours": 0.0,
-    "cost": {"amount": 0.000924, "saved": 0.0, "currency": "EUR"},
     "wasted_s": 0.3,
     "second_tries": 1,
     "waits_for": None,
-    "expected_start_s": None,
-    "expected_start_is_bound": False,
-    "expected_start_unknown": None,
+    "queue_place": None,
+    "fitting_workers": 3,
     "created_at": _CREATED,
     "started_at": _STARTED,
     "links": {
@@ -316,11 +312,9 @@ PROBLEM_DETAILS: Final[dict[str, str]] = {
     "(`plateau gc --scenes-unused-for DAYS`)",
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
-    "too-many-needs": "jobs that have not ended need 64 different combinations of pool, tags and "
-    "blocked workers, which is the most that a farm takes; wait for some to end, or ask for a "
+    "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags, "
+    "which is the most that a farm takes; wait for some to end, or ask for a "
     "combination that others have",
-    "too-many-blocked": f"16 workers are blocked for job {JOB_ID}, and no more can be; let another "
-    "one render it again, or drain it",
     "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
     "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
     "spoiled-file": f"what was stored as jobs/{JOB_ID}/results/0000400-7-final/image.exr is "

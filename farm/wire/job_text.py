@@ -123,23 +123,20 @@ def stop_fraction(job: Job) -> float | None:
     return job.spec.rule.behaviour.noise_target
 
 
-def start(job: Job) -> str:
-    """When a queued job will start, in the words of the page; "" if it cannot be known."""
-    if not isinstance(job, JobView) or job.expected_start_s is None:
+def place(job: Job) -> str:
+    """A queued job's place in the queue, in the words of the page; "" if it has none."""
+    if not isinstance(job, JobView) or job.queue_place is None:
         return ""
-    if job.expected_start_s < _SOON_S:
-        return "starts any moment"
-    most = "at most " if job.expected_start_is_bound else ""
-    return f"starts in {most}about {roughly(job.expected_start_s)}"
+    return f"place {job.queue_place:,} in the queue"
 
 
 def time_left(job: Job, now: datetime) -> str:
-    """When a queued job starts, or the time that one still needs, in the words of the page.
+    """A queued job's place, or the time that one still needs, in the words of the page.
 
     "" if it cannot be known.
     """
     if job.state is JobState.QUEUED:
-        return start(job)
+        return place(job)
     if job.state is not JobState.RENDERING or job.started_at is None:
         return ""
     rendered = job.committed_spp - job.continued_spp
@@ -189,36 +186,21 @@ def of_notice(notice: Notice) -> str:
 
 
 def _cost(job: Job) -> str:
-    """The core hours and the money of a job, and of what its stop saved."""
-    cost = job.cost if isinstance(job, JobView) else None
-    spent = amount(job.core_hours, None if cost is None else (cost.amount, cost.currency))
+    """The core hours of a job, and of what its stop saved."""
+    spent = f"{significant(job.core_hours)} core hours"
     if not job.samples_saved:
         return spent
-    saved = (cost.saved, cost.currency) if cost is not None else None
-    return f"{spent}; the stop saved about {amount(job.saved_core_hours, saved)}"
+    return f"{spent}; the stop saved about {significant(job.saved_core_hours)} core hours"
 
 
-def amount(core_hours: float, money: tuple[float, str] | None = None) -> str:
-    """Core hours for people, and what they cost in a currency.
-
-    Examples
-    --------
-    >>> amount(12.25), amount(0.02311, (0.0009244, "EUR"))
-    ('12.3 core hours', '0.0231 core hours (0.000924 EUR)')
-    """
-    hours = f"{significant(core_hours)} core hours"
-    if money is None:
-        return hours
-    return f"{hours} ({' '.join(filter(None, (significant(money[0]), money[1])))})"
-
-
-def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
-    """A job in a few lines; `waits_for` says which worker it lacks, if any."""
+def summary(job: Job, now: datetime) -> str:
+    """A job in a few lines."""
     rows = [("state", job.outcome), ("reason", job.reason)]
-    if waits_for and waits_for != job.reason:  # otherwise the reason says it
-        rows.append(("workers", f"it {waits_for}"))
-    if job.spec.blocked:
-        rows.append(("blocked", ", ".join(job.spec.blocked)))
+    if isinstance(job, JobView) and not job.state.ended:
+        if job.waits_for and job.waits_for != job.reason:  # otherwise the reason says it
+            rows.append(("workers", f"it {job.waits_for}"))
+        elif job.fitting_workers:
+            rows.append(("workers", f"{job.fitting_workers} can render it"))
     if job.again is not None:
         rows.append(("again", f"it {again(job)}"))
     if job.width is not None:

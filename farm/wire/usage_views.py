@@ -8,7 +8,6 @@ from typing import Any, Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.usage import Grouping, Spent
-from plateau.farm.wire.costs import Price
 
 #: With what a spreadsheet's formulas begin.
 _FORMULA: Final = ("=", "+", "-", "@", "\t")
@@ -20,8 +19,6 @@ _ROW: Final[dict[str, Any]] = {
     "wasted_s": 0.6,
     "core_hours": 0.277333,
     "saved_core_hours": 1.2,
-    "cost": 0.011093,
-    "saved_cost": 0.048,
 }
 
 
@@ -42,8 +39,6 @@ class UsageRow(BaseModel):
     saved_core_hours: float = Field(
         description="what the stops saved below the caps, estimated for each job at its mean rate"
     )
-    cost: float | None = Field(description="of the core hours; null without a price")
-    saved_cost: float | None = Field(description="of the saved core hours; null without a price")
 
 
 class Usage(BaseModel):
@@ -57,8 +52,6 @@ class Usage(BaseModel):
                     "by": "batch",
                     "since": "2026-11-01T00:00:00Z",
                     "until": "2026-12-01T00:00:00Z",
-                    "core_hour_price": 0.04,
-                    "currency": "EUR",
                     "rows": [_ROW],
                     "left_out": 0,
                     "total": {**_ROW, "key": ""},
@@ -70,14 +63,12 @@ class Usage(BaseModel):
     by: Grouping
     since: datetime | None = Field(description="jobs submitted from then on")
     until: datetime | None = Field(description="and before then")
-    core_hour_price: float | None = Field(description="null where the service has none")
-    currency: str | None = Field(description="of the price; null without one")
     rows: list[UsageRow] = Field(description="by core hours, most first; weeks by time")
     left_out: int = Field(description="rows beyond `limit`, those of the fewest core hours")
     total: UsageRow = Field(description="of all rows, those left out too")
 
 
-def row_view(spent: Spent, price: Price | None) -> UsageRow:
+def row_view(spent: Spent) -> UsageRow:
     """The sums as the API shows them."""
     return UsageRow(
         key=spent.key,
@@ -87,21 +78,19 @@ def row_view(spent: Spent, price: Price | None) -> UsageRow:
         wasted_s=spent.wasted_ms / 1000,
         core_hours=round(spent.core_hours, 6),
         saved_core_hours=round(spent.saved_core_hours, 6),
-        cost=None if price is None else price.of(spent.core_hours),
-        saved_cost=None if price is None else price.of(spent.saved_core_hours),
     )
 
 
 def usage_csv(usage: Usage) -> str:
-    """The rows as CSV, each with the currency.
+    """The rows as CSV.
 
     A name that a spreadsheet would take for a formula begins with an apostrophe.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*UsageRow.model_fields, "currency"])
+    writer.writerow(UsageRow.model_fields)
     for row in usage.rows:
-        writer.writerow([*map(_as_text, row.model_dump().values()), usage.currency])
+        writer.writerow(map(_as_text, row.model_dump().values()))
     return text.getvalue()
 
 

@@ -7,10 +7,8 @@ from pydantic.config import JsonDict
 
 from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.spec import Priority
-from plateau.farm.model.starts import Start
 from plateau.farm.model.worker import Worker
 from plateau.farm.wire import examples
-from plateau.farm.wire.costs import Cost, Price, cost_of
 from plateau.farm.wire.json_numbers import WithWholeNumbers
 
 
@@ -30,22 +28,15 @@ class JobView(Job):
         description="in words, the jobs and batches that it comes after, or the kind of worker "
         "that it waits for where none lives that fits",
     )
-    expected_start_s: float | None = Field(
+    queue_place: int | None = Field(
         None,
-        description="of a queued job: seconds from now until a worker is expected to take its "
-        "first slice, by the work of the jobs before it and the workers that fit. Null of other "
-        "jobs, and where it cannot be known",
+        description="of a queued job: its place among all queued ones, by priority and then by "
+        "age; 1 is next. Null for others, and where it is held back or waits for other jobs",
     )
-    expected_start_is_bound: bool = Field(
-        False,
-        description="whether it may well start earlier: without a forecast, jobs before it are "
-        "counted to their caps",
-    )
-    expected_start_unknown: str | None = Field(
-        None, description="in words, why it cannot be known when a queued job will start"
-    )
-    cost: Cost | None = Field(
-        None, description="in money; null where the service has no price, and in notices"
+    fitting_workers: int | None = Field(
+        None,
+        description="how many living workers can render it; null for a job that has ended, and in "
+        "notices",
     )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
@@ -139,22 +130,12 @@ class SliceLog(BaseModel):
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
 
 
-class WorkerView(Worker):
-    """A worker with what it has cost."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="ignore", json_schema_extra=_shows(examples.WORKER)
-    )
-
-    cost: Cost | None = Field(None, description="in money; null where the service has no price")
-
-
 class Workers(BaseModel):
     """The workers that live."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"workers": [examples.WORKER]}))
 
-    workers: list[WorkerView]
+    workers: list[Worker]
 
 
 class DemandView(BaseModel):
@@ -271,24 +252,11 @@ class Health(BaseModel):
     status: str = "ok"
 
 
-def worker_view(worker: Worker, price: Price | None) -> WorkerView:
-    """The worker as the API shows it."""
-    return WorkerView(**worker.model_dump(), cost=cost_of(worker, price))
-
-
-def job_view(
-    job: Job,
-    waits_for: str | None = None,
-    *,
-    to_owner: bool = False,
-    price: Price | None = None,
-    start: Start | str | None = None,
-) -> JobView:
+def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
     """The job as the API shows it.
 
-    `waits_for` names the worker that it lacks, or the jobs that it comes after. Only its owner sees
-    the path of its notice's URL, which is often a secret. Without a `price`, it shows no money. Of
-    a queued job, `start` says when it will start, or why that cannot be known.
+    Only its owner sees the path of its notice's URL, which is often a secret. `queued` are the
+    fields that go by the queue and the workers.
     """
     if job.spec.notice.url is not None and not to_owner:
         spec = job.spec.model_copy(update={"notice": job.spec.notice.hidden()})
@@ -319,10 +287,6 @@ def job_view(
     }
     return JobView(
         **job.model_dump(),
-        waits_for=waits_for,
-        expected_start_s=round(start.seconds, 1) if isinstance(start, Start) else None,
-        expected_start_is_bound=isinstance(start, Start) and start.is_bound,
-        expected_start_unknown=start if isinstance(start, str) else None,
-        cost=cost_of(job, price),
+        **queued,
         links=links,
     )

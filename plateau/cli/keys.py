@@ -72,20 +72,6 @@ def create(
             help="Jobs that it may have open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
         ),
     ] = None,
-    jobs_at_once: Annotated[
-        int | None,
-        typer.Option(
-            help="Jobs that are rendered at once; further ones wait for their turn.",
-            show_default="PLATEAU_KEY_JOBS_AT_ONCE",
-        ),
-    ] = None,
-    core_hours_per_week: Annotated[
-        float | None,
-        typer.Option(
-            help="Core hours that its jobs may cost in a week, from Monday, UTC.",
-            show_default="PLATEAU_KEY_CORE_HOURS_PER_WEEK",
-        ),
-    ] = None,
     key_from: Annotated[
         Path | None,
         typer.Option(
@@ -115,8 +101,6 @@ def create(
             "upload_gb": upload_gb,
             "scenes_gb": scenes_gb,
             "open_jobs": open_jobs,
-            "jobs_at_once": jobs_at_once,
-            "core_hours_per_week": core_hours_per_week,
         },
         key_from=key_from,
         as_json=as_json,

@@ -71,12 +71,9 @@ NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without
 AMONG_MANY: Final = (
     "pool",
     "require",
-    "block",
     "after",
     "priority",
     "batch",
-    "at_once",
-    "budget",
     "flicker_guard",
     "shot",
 )
@@ -259,13 +256,6 @@ def spec_from_options(
             "repeated.",
         ),
     ] = None,
-    block: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="WORKER",
-            help="Worker, or machine, that must not render the job; may be repeated.",
-        ),
-    ] = None,
     min_spp: Annotated[
         int | None,
         typer.Option(
@@ -277,19 +267,6 @@ def spec_from_options(
         str | None, typer.Option(help="What the job is called.", show_default="as its scene is")
     ] = None,
     batch: Annotated[str | None, typer.Option(help="Batch that the job belongs to.")] = None,
-    at_once: Annotated[
-        int | None,
-        typer.Option(
-            help="Most jobs of the batch that are rendered at once; others wait for their turn."
-        ),
-    ] = None,
-    budget: Annotated[
-        float | None,
-        typer.Option(
-            metavar="CORE_HOURS",
-            help="Core hours that the batch, or the job without one, may cost; then its jobs end.",
-        ),
-    ] = None,
     flicker_guard: Annotated[
         bool,
         typer.Option(

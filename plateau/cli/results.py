@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from plateau.cli import complete
 from plateau.cli import options as o
 from plateau.cli.app import app
 from plateau.farm.model.usage import Grouping
@@ -95,42 +94,6 @@ def drain(
 
 
 @app.command()
-def block(
-    worker: Annotated[
-        str,
-        typer.Argument(
-            metavar="WORKER", help="The worker's id, or the host of all workers of a machine."
-        ),
-    ],
-    job_id: Annotated[
-        str,
-        typer.Option(
-            "--job",
-            metavar="ID",
-            help="The job, which has not ended.",
-            autocompletion=complete.job_ids,
-        ),
-    ],
-    undo: Annotated[bool, typer.Option("--undo", help="Let it render the job again.")] = False,
-    url: o.Url = None,
-    as_json: o.Json = False,
-) -> None:
-    """Keep a worker from the slices of one job. It finishes the slice that it has.
-
-    For example:
-      plateau block vm-23618-bc86 --job 3f9ac2d01b77
-      plateau block node7 --job 3f9ac2d01b77
-      plateau block node7 --job 3f9ac2d01b77 --undo
-
-    A worker that is restarted has another id; a machine keeps its name. `plateau again` blocks the
-    workers on which a job failed.
-    """
-    from plateau.commands.jobs import block as run
-
-    run(job_id, worker, undo=undo, url=url, as_json=as_json)
-
-
-@app.command()
 def usage(
     by: Annotated[Grouping, typer.Option(help="What a row is.")] = "week",
     since: Annotated[
@@ -144,15 +107,14 @@ def usage(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Sum up what the stored jobs have cost, in core hours and money.
+    """Sum up what the stored jobs have cost, in core hours.
 
     For example:
       plateau usage
       plateau usage --by owner --since 2026-11-01 --csv > november.csv
 
     In a pipe, columns are separated by tabs: week, owner, batch or job, name, jobs, core hours,
-    cost, core hours saved, cost saved. The total goes to standard error. Money is shown where the
-    service has a price (PLATEAU_CORE_HOUR_PRICE). Removed jobs do not count any more.
+    core hours saved. The total goes to standard error. Removed jobs do not count any more.
     """
     if as_csv and as_json:
         raise typer.BadParameter("--csv and --json are two forms: choose one")

@@ -27,8 +27,6 @@ def spec_fields(
     primaries: str | None = None,
     time_limit: float | None = None,
     require: list[str] | None = None,
-    budget: float | None = None,
-    block: list[str] | None = None,
     after: list[str] | None = None,
     aov: list[str] | None = None,
     exr_precision: str | None = None,
@@ -58,8 +56,6 @@ def spec_fields(
         **named_alike,
         time_limit_s=time_limit,
         requires=require or None,
-        budget_core_hours=budget,
-        blocked=block or None,
         after=after or None,
         aovs=aov or None,
         exr=exr or None,
@@ -167,11 +163,9 @@ _OPTIONS: Final = {
     "time_limit_s": "time-limit",
     "aovs": "aov",
     "requires": "require",
-    "blocked": "block",
     "fps": "shot",
     "precision": "exr-precision",
     "compression": "exr-compression",
-    "budget_core_hours": "budget",
 }
 
 

@@ -5,8 +5,9 @@ from urllib.parse import quote
 
 from plateau.client.transport import Calls
 from plateau.farm.model.usage import Grouping
+from plateau.farm.model.worker import Worker
 from plateau.farm.wire.usage_views import Usage
-from plateau.farm.wire.views import Scenes, SceneView, TargetNames, Workers, WorkerView
+from plateau.farm.wire.views import Scenes, SceneView, TargetNames, Workers
 
 
 def _asked(
@@ -26,11 +27,11 @@ def _text(time: date | str | None) -> str | None:
 class FarmCalls(Calls):
     """Workers and stored scenes."""
 
-    def workers(self) -> list[WorkerView]:
+    def workers(self) -> list[Worker]:
         """The living workers, and what each renders."""
         return self._transport.read(Workers, "/v1/workers").workers
 
-    def drain(self, worker_id: str) -> WorkerView:
+    def drain(self, worker_id: str) -> Worker:
         """Let the worker finish its slice and take no more; repeating it is harmless.
 
         Raises
@@ -40,11 +41,11 @@ class FarmCalls(Calls):
         """
         return self._steer_worker(worker_id, "drain")
 
-    def undrain(self, worker_id: str) -> WorkerView:
+    def undrain(self, worker_id: str) -> Worker:
         """Let the drained worker take slices again; raises as `drain` does."""
         return self._steer_worker(worker_id, "resume")
 
-    def _steer_worker(self, worker_id: str, action: str) -> WorkerView:
+    def _steer_worker(self, worker_id: str, action: str) -> Worker:
         path = f"/v1/workers/{quote(worker_id, safe='')}/{action}"
         workers = self._transport.ask(Workers, "POST", path).workers
         return next(worker for worker in workers if worker.id == worker_id)
@@ -76,7 +77,9 @@ class FarmCalls(Calls):
     ) -> str:
         """The same as CSV."""
         asked = _asked(by, since, until, limit)
-        return self._transport.send("GET", "/v1/usage.csv", params=asked).text
+        return self._transport.send(
+            "GET", "/v1/usage", params=asked, headers={"Accept": "text/csv"}
+        ).text
 
     def scenes(self) -> list[SceneView]:
         """The stored scenes; `Client.submit` takes one by its SHA-256."""

@@ -6,7 +6,6 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any, Final
-from urllib.parse import quote
 
 from plateau.client.short_ids import job_or_batch, whole_id, with_whole_ids
 from plateau.client.transport import Calls, Model, Transport
@@ -254,27 +253,6 @@ class JobCalls(Calls):
         """
         change = {"priority": priority}
         return self._transport.ask(JobView, "PATCH", f"/v1/jobs/{job_id}", json=change)
-
-    def block(self, job_id: str, worker: str) -> JobView:
-        """Keep a worker (its id), or a machine (its host), from the job's slices.
-
-        It finishes the slice that it has. Repeating it is harmless.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``, ``invalid-request``; ``job-ended`` if the job has ended;
-            ``too-many-blocked`` if 16 are blocked already; ``too-many-needs``.
-        """
-        return self._block("PUT", job_id, worker)
-
-    def unblock(self, job_id: str, worker: str) -> JobView:
-        """Let the blocked worker, or machine, render the job again; raises as `block` does."""
-        return self._block("DELETE", job_id, worker)
-
-    def _block(self, method: str, job_id: str, worker: str) -> JobView:
-        path = f"/v1/jobs/{job_id}/blocked/{quote(worker, safe='')}"
-        return self._transport.ask(JobView, method, path)
 
     def slices(self, job_id: str) -> list[SliceView]:
         """The job's ledger: each committed slice, by index."""

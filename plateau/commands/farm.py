@@ -5,9 +5,10 @@ from datetime import datetime
 
 from plateau.commands.connect import connect
 from plateau.farm.model.job import utc_now
-from plateau.farm.wire.figures import duration, percent
-from plateau.farm.wire.job_text import amount, share_of, size
-from plateau.farm.wire.views import SceneView, WorkerView
+from plateau.farm.model.worker import Worker
+from plateau.farm.wire.figures import duration, percent, significant
+from plateau.farm.wire.job_text import share_of, size
+from plateau.farm.wire.views import SceneView
 from plateau.terminal.tables import print_rows
 
 WORKER_COLUMNS = (
@@ -23,8 +24,7 @@ WORKER_COLUMNS = (
     "memory",
     "disk free",
     "°C",
-    "cost",
-    "saved",
+    "core hours",
     "up",
     "version",
     "trouble",
@@ -32,10 +32,9 @@ WORKER_COLUMNS = (
 _SPARE = (
     "version",
     "disk free",
-    "saved",
     "°C",
     "memory",
-    "cost",
+    "core hours",
     "up",
     "threads",
     "host",
@@ -82,14 +81,11 @@ def scenes(*, url: str | None, as_json: bool) -> None:
         print_rows(columns, rows, none="no scene is stored", spare=("film", "size"))
 
 
-def worker_row(worker: WorkerView, now: datetime) -> tuple[str, ...]:
+def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
     """The worker as a row of a table with `WORKER_COLUMNS`."""
     rate, machine = worker.samples_per_s, worker.machine
     free = None if machine is None else machine.disk_free_bytes
     temperature = None if machine is None else machine.temperature_c
-    hours, cost = worker.core_hours, worker.cost
-    paid = None if cost is None else (cost.amount, cost.currency)
-    saved = None if cost is None else (cost.saved, cost.currency)
     return (
         worker.id,
         worker.host,
@@ -103,8 +99,7 @@ def worker_row(worker: WorkerView, now: datetime) -> tuple[str, ...]:
         "–" if machine is None else share_of(machine.memory_used_bytes, machine.memory_bytes),
         "–" if free is None else size(free),
         "–" if temperature is None else f"{temperature:.0f}",
-        "–" if hours is None else amount(hours, paid),
-        amount(worker.saved_core_hours, saved),
+        "–" if worker.core_hours is None else significant(worker.core_hours),
         duration(max(0.0, (now - worker.started_at).total_seconds())),
         worker.plateau or "–",
         worker.trouble or worker.last_error or "–",

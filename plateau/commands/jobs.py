@@ -42,8 +42,10 @@ def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> Non
     with connect(url) as client:
         job = client.submit(scene, spec)
     _print_id(job, as_json=as_json)
-    if expected := job_text.start(job) or job.expected_start_unknown:
-        tell(f"job {job.id} {expected}")
+    if job.waits_for:
+        tell(f"job {job.id} {job.waits_for}")
+    elif place := job_text.place(job):
+        tell(f"job {job.id} has {place}")
 
 
 def with_notice(spec: JobSpec, told: Sequence[str]) -> JobSpec:
@@ -119,7 +121,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     print(job_text.row("job", f"{job.id} ({job.name})"))
     if job.owner is not None:
         print(job_text.row("owner", f"{job.owner_name} (key {job.owner})"))
-    print(job_text.summary(job, utc_now(), job.waits_for))
+    print(job_text.summary(job, utc_now()))
     print("story:")
     for line in lines:
         print(f"  {line}")
@@ -209,17 +211,6 @@ def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None
         job = client.set_priority(client.whole_id(job_id), value)
     shown = f"{job.id} {job.state.value}, priority {job.spec.priority}"
     print(job.model_dump_json(indent=2) if as_json else shown)
-
-
-def block(job_id: str, worker: str, *, undo: bool, url: str | None, as_json: bool) -> None:
-    """Keep a worker, or a machine, from a job's slices, or let it render them again."""
-    with connect(url) as client:
-        call = client.unblock if undo else client.block
-        job = call(client.whole_id(job_id), worker)
-    blocked = ", ".join(job.spec.blocked) or "no worker"
-    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {blocked} blocked")
-    if job.waits_for:
-        tell(f"job {job.id} {job.waits_for}")
 
 
 def _state(name: str | None) -> JobState | None:

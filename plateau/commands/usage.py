@@ -4,11 +4,10 @@ from plateau.commands.connect import connect
 from plateau.errors import tell
 from plateau.farm.model.usage import Grouping
 from plateau.farm.wire.figures import significant
-from plateau.farm.wire.job_text import amount
 from plateau.farm.wire.usage_views import UsageRow
 from plateau.terminal.tables import print_rows
 
-_SPARE = ("saved cost", "saved", "name", "jobs")
+_SPARE = ("saved", "name", "jobs")
 
 
 def usage(
@@ -29,31 +28,23 @@ def usage(
     if as_json:
         print(found.model_dump_json(indent=2))
         return
-    currency = found.currency or ""
     print_rows(
-        (by, "name", "jobs", "core hours", "cost", "saved", "saved cost"),
-        [_row(row, currency) for row in found.rows],
+        (by, "name", "jobs", "core hours", "saved"),
+        [_row(row) for row in found.rows],
         none="there is no job of that time",
         spare=_SPARE,
     )
     if found.rows:
         total = found.total
-        cost = None if total.cost is None else (total.cost, currency)
         of = "1 job" if total.jobs == 1 else f"{total.jobs:,} jobs"
-        tell(f"{of}: {amount(total.core_hours, cost)}")
+        tell(f"{of}: {significant(total.core_hours)} core hours")
 
 
-def _row(row: UsageRow, currency: str) -> tuple[str, ...]:
+def _row(row: UsageRow) -> tuple[str, ...]:
     return (
         row.key or "–",
         row.name or "–",
         f"{row.jobs:,}",
         significant(row.core_hours),
-        _money(row.cost, currency),
         significant(row.saved_core_hours),
-        _money(row.saved_cost, currency),
     )
-
-
-def _money(money: float | None, currency: str) -> str:
-    return "–" if money is None else f"{significant(money)} {currency}".rstrip()

@@ -97,7 +97,7 @@ class PlainProgress(Progress):
         """Print a new state."""
         super().job(job)
         if job.state.value != self._shown_state and not job.state.ended:
-            to_come = job_text.start(job)
+            to_come = job_text.place(job)
             self.note(f"{job.state.value}: {'; '.join(filter(None, (job.reason, to_come)))}")
             self._shown_state = job.state.value
 

@@ -15,12 +15,10 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.wire.costs import Price
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
 from plateau.service.api.events.hub import EventHub
@@ -40,7 +38,6 @@ from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import again as routes_again
 from plateau.service.api.routes import batches as routes_batches
-from plateau.service.api.routes import blocking as routes_blocking
 from plateau.service.api.routes import deletions as routes_deletions
 from plateau.service.api.routes import downloads as routes_downloads
 from plateau.service.api.routes import farm as routes_farm
@@ -75,12 +72,11 @@ def create_app(
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
     placing: Placing | None = None,
-    price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
     `webhook_allow` are private networks and host names that may receive notices, and `targets` are
-    those that jobs may name. Without a `price` of a core hour, no money is shown.
+    those that jobs may name.
     """
 
     @asynccontextmanager
@@ -109,7 +105,6 @@ def create_app(
     ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
         jobs=ledger,
-        starts=Starts(client),
         scenes=SceneIndex(client),
         batches=Batches(client),
         deletions=Deletions(client),
@@ -123,7 +118,6 @@ def create_app(
         receivers=Receivers(webhook_allow),
         targets=targets or Targets(),
         placing=placing or Placing(),
-        price=price,
     )
     app.state.parts = parts
     app.state.metrics = Metrics(parts.jobs, blobs)
@@ -134,7 +128,6 @@ def create_app(
         routes_batches,
         routes_shots,
         routes_again,
-        routes_blocking,
         routes_results,
         routes_images,
         routes_previews,

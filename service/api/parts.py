@@ -12,13 +12,11 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.starts import Starts
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.notify_targets import Targets
-from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
@@ -33,7 +31,6 @@ class Parts:
     """Redis by subject, the blob store, and what the routes build on them."""
 
     jobs: Jobs
-    starts: Starts
     scenes: SceneIndex
     batches: Batches
     deletions: Deletions
@@ -47,7 +44,6 @@ class Parts:
     workers: Workers
     receivers: Receivers  #: of notices
     targets: Targets
-    price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:
         """The job, or `JobNotFound`; Redis is not asked for what cannot be an id."""

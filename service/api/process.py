@@ -23,7 +23,6 @@ from plateau.farm.process.addresses import is_loopback
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
-from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -130,7 +129,6 @@ def run(
         webhook_allow=settings.webhook_allow,
         targets=targets,
         placing=Placing(settings.scene_roots, settings.hashes),
-        price=Price.if_set(settings),
     )
     descriptors = raise_descriptor_limit()
     config = server_config(

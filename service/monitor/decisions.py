@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.model.states import EndedBy, JobState
+from plateau.farm.model.states import JobState
 from plateau.service.monitor.known import Answer, Known, Ledger
 from plateau.service.monitor.steps import (
     AbandonJob,
@@ -105,17 +105,13 @@ def _reach_the_cap(known: Known) -> Step:
 
 
 def _run_out(known: Known) -> Step:
-    limit = known.budget_used or f"its time limit of {known.job.spec.time_limit_s:g} s"
-    ended_by: EndedBy = "budget" if known.budget_used else "time_limit"
-    if not known.merged and known.budget_used:
-        reason = f"{limit} is used up, before a slice of it was rendered"
-        return EndJob(JobState.CANCELLED, ended_by, reason)
+    limit = f"its time limit of {known.job.spec.time_limit_s:g} s"
     if not known.merged:  # an exhausted job always has an image
-        return EndJob(JobState.FAILED, ended_by, f"no slice of it was rendered within {limit}")
+        return EndJob(JobState.FAILED, "time_limit", f"no slice of it was rendered within {limit}")
     reason = f"reached {limit} at {known.spp} spp"
     if known.flaw:  # and the flaw is newer than the last point of the curve
         return EndJob(JobState.FAILED, "image", f"{reason}; {known.flaw}")
-    return EndJob(JobState.EXHAUSTED, ended_by, reason)
+    return EndJob(JobState.EXHAUSTED, "time_limit", reason)
 
 
 OPEN: Final = (
@@ -209,16 +205,16 @@ OPEN: Final = (
         ShowGlimpse(),
     ),
     Row(
-        "the job has a time limit or a budget",
-        lambda known: known.is_limited and known.redis_s is None,
+        "the job has a time limit",
+        lambda known: known.limited_since_s is not None and known.redis_s is None,
         ReadClock(),
     ),
     Row(
-        "its time is up, or its budget used, and it is unknown whether its image can be a result",
-        lambda known: known.is_over and known.merged > 0 and known.flaw is None,
+        "its time is up, and it is unknown whether its image can be a result",
+        lambda known: known.time_is_up and known.merged > 0 and known.flaw is None,
         InspectImage(),
     ),
-    Row("its time is up, or its budget used", lambda known: known.is_over, _run_out),
+    Row("its time is up", lambda known: known.time_is_up, _run_out),
     Row("workers may soon wait", lambda known: known.lacks_slices, _plan),
     Row(
         "the job is paused, and its progress is to be kept",

@@ -14,6 +14,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.fit import Crew
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
@@ -27,7 +28,7 @@ from plateau.service.monitor.decisions import last_step, next_step
 from plateau.service.monitor.denoising.job_image import JobImage
 from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.known import Answer, Known
-from plateau.service.monitor.look_ahead import Crew, LookAhead
+from plateau.service.monitor.look_ahead import LookAhead, enough
 from plateau.service.monitor.result_sets import ResultSets
 
 _LOG = logging.getLogger(__name__)
@@ -92,7 +93,7 @@ class JobRun:
         later, and `CorruptPartial` or `ValueError` if a slice can never be merged.
         """
         job = self._jobs.get(self.owned.job_id)
-        self._known = self._known.turn(job, crew.enough(job), time.monotonic())
+        self._known = self._known.turn(job, enough(crew.fitting(job)), time.monotonic())
         try:
             while not isinstance(step := next_step(self._known), steps.Wait):
                 self._known = self._after(step)
@@ -138,8 +139,7 @@ class JobRun:
                 return known.with_glimpse(self._results.show_glimpse(known.job, self._judge))
             case steps.ReadClock():
                 job = self._jobs.get(self.owned.job_id)
-                used = self._jobs.budget_used(job.id) if job.has_budget else ""
-                return known.with_time(job, self._jobs.now_ms() / 1000, used)
+                return known.with_time(job, self._jobs.now_ms() / 1000)
             case steps.InspectImage():
                 return replace(known, flaw=flaw_of(self._merge.image()) or "")
             case steps.EndJob():

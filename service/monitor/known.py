@@ -78,7 +78,6 @@ class Known:
     lost: bool = False  #: whether a partial was lost or damaged
     sought_glimpse: bool = False  #: whether the monitor looked for the first pass
     redis_s: float | None = None  #: Redis's clock in s since 1970; None if not read
-    budget_used: str = ""  #: which of the job's budgets, when the clock was read
     concluded: bool | None = None  #: whether the final image is written; None if not read
 
     # What follows from these
@@ -211,17 +210,6 @@ class Known:
         return self.merged >= self.saved + SLICES_PER_CHECKPOINT and self.is_unsaved
 
     @property
-    def is_limited(self) -> bool:
-        """Whether time or a budget may end the job now."""
-        runs = self.job.state is not JobState.PAUSED
-        return self.limited_since_s is not None or (self.job.has_budget and runs)
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the job has exceeded its time limit or a budget, as they were read."""
-        return self.time_is_up or bool(self.budget_used)
-
-    @property
     def time_is_up(self) -> bool:
         """Whether the job has exceeded its time limit, by the clock that was read."""
         limit_s = self.job.spec.time_limit_s
@@ -287,7 +275,6 @@ class Known:
             lost=False,
             sought_glimpse=False,
             redis_s=None,
-            budget_used="",
             concluded=None,
         )
 
@@ -295,10 +282,10 @@ class Known:
         """The job was read again after its end: its turn starts anew."""
         return self.turn(job, self.enough, self.at_s)
 
-    def with_time(self, job: Job, redis_s: float, budget_used: str = "") -> "Known":
-        """The clock, the budgets and the job were read; the job may have ended meanwhile."""
+    def with_time(self, job: Job, redis_s: float) -> "Known":
+        """The clock and the job were read; the job may have ended meanwhile."""
         known = self.read_again(job) if job.state.ended else replace(self, job=job)
-        return replace(known, redis_s=redis_s, budget_used=budget_used)
+        return replace(known, redis_s=redis_s)
 
     def with_film(self, width: int | None, height: int | None) -> "Known":
         """The size of the film, which is known from the first commit on, was read."""

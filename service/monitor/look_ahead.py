@@ -1,42 +1,23 @@
 """How far a job is planned beyond its merged slices."""
 
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from plateau.farm.model.fit import Kind, serves
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.worker import Worker
 
 #: Slices planned beyond an evaluation that may end the job, for each merged one. They keep workers
 #: busy during the evaluation, and are wasted if the job ends with it.
 SPARE: Final = 0.04
 
 
-class Crew:
-    """The living workers that take work."""
+def enough(fitting: int) -> int:
+    """The number of slices beyond the merged ones that keep so many workers busy.
 
-    def __init__(self, workers: Iterable[Worker]) -> None:
-        self._workers = [
-            worker for worker in workers if not worker.drained and worker.trouble is None
-        ]
-        self._kinds = Counter(
-            Kind(worker.variants, worker.pool, worker.tags) for worker in self._workers
-        )
-
-    def enough(self, job: Job) -> int:
-        """The number of slices beyond the merged ones that keep the job's possible workers busy.
-
-        Each worker renders one and has the next one waiting; one more is being merged.
-        """
-        if job.spec.blocked:
-            fit = sum(serves(worker, job) for worker in self._workers)
-        else:
-            fit = sum(count for kind, count in self._kinds.items() if kind.serves(job))
-        return 2 * max(1, fit) + 1
+    Each worker renders one and has the next one waiting; one more is being merged.
+    """
+    return 2 * max(1, fitting) + 1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ from plateau.farm.model.errors import (
     JobNotFound,
     StoreUnavailable,
 )
+from plateau.farm.model.fit import Crew
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
@@ -37,7 +38,6 @@ from plateau.farm.redis.wake import Wake
 from plateau.service.judging.judge import warm_up
 from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.job_run import JobRun, give_up
-from plateau.service.monitor.look_ahead import Crew
 from plateau.service.monitor.notifier.notifier import notifying
 from plateau.service.monitor.notifier.troubles import telling_troubles
 from plateau.service.monitor.shots.tending import Tending

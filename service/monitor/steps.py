@@ -68,7 +68,7 @@ class ShowGlimpse:
 
 @dataclass(frozen=True)
 class ReadClock:
-    """Read Redis's clock, the job's budgets and the job, which may have been paused meanwhile."""
+    """Read Redis's clock and the job, which may have been paused meanwhile."""
 
 
 @dataclass(frozen=True)

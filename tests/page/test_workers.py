@@ -4,6 +4,7 @@ import redis
 from playwright.sync_api import expect
 
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.redis import keys
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
@@ -38,15 +39,14 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(first).to_contain_text("box, slice 3")
     expect(first).to_contain_text("2.5 M")
     expect(first).to_contain_text("pool night · tags gpu, highmem")
-    # Its machine, its cost and its last slices, if it says them
+    # Its machine and its last slices, if it says them
     expect(first.locator(".machine")).to_have_text(
         "93.4 % of 8 cores in use · 8.5 GB of 31.3 GB memory · 774 MB of disk left · 71 °C"
+        " · 0.25 core hours rendered"
     )
-    expect(first.locator(".costs")).to_have_text("has cost 0.25 core hours")
     first.get_by_text("Last slices").click()
     expect(first.get_by_role("listitem")).to_have_text("box, slice 2: 25 spp in 0.6 s")
     expect(second.locator(".machine")).to_be_hidden()
-    expect(second.locator(".costs")).to_be_hidden()
     expect(second.get_by_text("Last slices")).to_be_hidden()
     expect(second).not_to_contain_text("pool")
     expect(second).to_contain_text("idle")
@@ -64,14 +64,12 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(second).to_contain_text("idle")
     first.get_by_text("What its bits depend on").click()
     expect(first).to_contain_text("bits 3f1c09ab27de")
-    # One is blocked for the job that it renders, and shows for which it is
-    first.get_by_role("button", name="Block for box").click()
-    page.get_by_role("button", name="Block it").click()
-    expect(first.locator(".blocks")).to_have_text("Blocked for box.")
+    # One on which a slice died is left out of the job
+    client.hset(keys.worker("w-1"), "left_out", f"{job.id} 9000000000000")
+    expect(first.locator(".left-out")).to_have_text("Left out for a while of box")
     after = farm.submit("comp", after=(job.id,))
     waiting = visit(f"/jobs/{after.id}", expected={404}).page
     expect(waiting.locator(".reason")).to_have_text(f"It waits for job box ({job.id}).")
-    assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
     # And what each renders is one step away
     first.get_by_role("link", name="box").first.click()
     expect(page.get_by_role("heading", name="box")).to_be_visible()

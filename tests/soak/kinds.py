@@ -22,7 +22,6 @@ class Kind:
     frames: tuple[dict[str, Any], ...] = ()  #: parameters of each, in a batch
     does: str = ""  #: what its user does: ``cancel`` it, or ``pause`` it and resume it
     has_notice: bool = False
-    is_limited: bool = False  #: whether it comes from a key that may have two jobs at once
 
 
 KINDS: Final = (
@@ -61,7 +60,6 @@ KINDS: Final = (
             "allocation": {"name": "zones", "size": 16},
         },
     ),
-    Kind(name="of a limited key", spec={**_FIXED, "parameters": _SMALL}, is_limited=True),
     Kind(name="with a notice", spec={**_FIXED, "parameters": _SMALL}, has_notice=True, weight=2),
     Kind(name="paused and resumed", spec={**_FIXED, "parameters": _SMALL}, does="pause"),
     Kind(
@@ -71,7 +69,7 @@ KINDS: Final = (
     ),
     Kind(
         name="batch",
-        spec={**_FIXED, "flicker_guard": True, "at_once": 2, "parameters": _SMALL},
+        spec={**_FIXED, "flicker_guard": True, "parameters": _SMALL},
         frames=tuple({"level": level} for level in (0.3, 0.5, 0.7)),
     ),
     Kind(

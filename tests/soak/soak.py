@@ -59,16 +59,14 @@ class Soak:
         self._spared = {role: psutil.Process(one.pid) for role, one in spared.items()}
         made = ApiKeys(farm.redis_client)
         _, admin = made.create("admin", Role.ADMIN, _PLENTY)
-        at_once = _PLENTY.model_copy(update={"jobs_at_once": 2})
-        _, limited = made.create("limited", Role.SUBMITTER, at_once)
         farm.client.close()
         self._clients = ExitStack()
-        farm.client, other, small = (
-            self._clients.enter_context(Client(url, key=key, patience_s=_PATIENCE_S))
-            for url, key in ((farm.url, admin), (other_api, admin), (farm.url, limited))
+        farm.client, other = (
+            self._clients.enter_context(Client(url, key=admin, patience_s=_PATIENCE_S))
+            for url in (farm.url, other_api)
         )
         scenes = {False: BOX, True: write_analytic(folder)}
-        self.desk = Desk((farm.client, other), small, scenes, hook)
+        self.desk = Desk((farm.client, other), scenes, hook)
 
     def close(self) -> None:
         self._clients.close()

@@ -32,10 +32,9 @@ class Order:
 
 @dataclass(frozen=True)
 class Desk:
-    """Where orders are given: by clients of several APIs, and by one of a limited key."""
+    """Where orders are given: by clients of several APIs."""
 
     clients: Sequence[Client]
-    limited: Client
     scenes: Mapping[bool, Path]  #: by whether it is analytic
     hook: str  #: URL of a receiver
 
@@ -46,12 +45,11 @@ class Desk:
             fields["batch"] = f"{kind.name} {secrets.token_hex(4)}"
         if kind.has_notice:
             fields["notice"] = {"url": self.hook, "secret": SECRET}
-        client = self.limited if kind.is_limited else by
         spec, scene = JobSpec.model_validate(fields), self.scenes[kind.is_analytic]
         if kind.frames:
-            jobs = client.submit_batch(scene, kind.frames, spec).job_ids
+            jobs = by.submit_batch(scene, kind.frames, spec).job_ids
         else:
-            jobs = [client.submit(scene, spec).id]
+            jobs = [by.submit(scene, spec).id]
         steps = {"": [], "pause": ["pause", "resume"], "cancel": ["cancel"]}[kind.does]
         return Order(kind, list(jobs), steps)
 

@@ -46,11 +46,11 @@ class Reports:
         """Give the slice back untouched, because this worker can render nothing."""
         self._insist(lambda: self._queue.hand_back(lease, cause=cause, unfit=True, said=tried.said))
 
-    def block(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """Give the slice back, and take none of its job again."""
+    def leave_out(self, lease: Lease, cause: str, tried: Tried) -> None:
+        """Give the slice back, and take none of its job for a while."""
         self._insist(
             lambda: self._queue.hand_back(
-                lease, tried.seconds, cause=cause, blocked=True, said=tried.said
+                lease, tried.seconds, cause=cause, leaves_out=True, said=tried.said
             )
         )
 

@@ -19,7 +19,6 @@ from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
-from plateau.farm.model.starts import TURN_S
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
@@ -46,6 +45,7 @@ from plateau.worker.supervisor.variants import VariantChoice, choose
 _LOG = logging.getLogger(__name__)
 
 # Of a pair, the first is the first wait and the second the longest.
+_TURN_S: Final = 20.0  #: how long a worker keeps to its loaded scene before it looks who waits
 _IDLE_S: Final = (0.5, 5.0)  #: between two requests for work, unless the worker is woken
 _LISTEN_S: Final = 60.0  #: how long a listener waits for one announcement
 _DRAIN_S: Final = 5.0  #: how long a stopping worker tries to commit its slices
@@ -160,7 +160,7 @@ class Supervisor:
         if self._uploader.is_hung:
             return None
         job, since = self._turn
-        in_turn = time.monotonic() < since + TURN_S
+        in_turn = time.monotonic() < since + _TURN_S
         return self._queue.lease(self._choice.variants, job, in_turn=in_turn)
 
     def _serve(self, lease: Lease) -> bool:
@@ -185,7 +185,7 @@ class Supervisor:
         except FilesDiffer as error:
             self._about.last_error = f"job {lease.job_id}: {error}"
             _LOG.warning("%s", error)
-            self._reports.block(lease, str(error), self._tried(started))
+            self._reports.leave_out(lease, str(error), self._tried(started))
         except FileNotFoundError:
             tried = self._tried(started)
             absent = f"the blob store has no scene {lease.scene_sha256}"

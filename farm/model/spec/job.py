@@ -50,8 +50,6 @@ class JobSpec(SharedSpec):
     def _guards_a_batch(self) -> "JobSpec":
         if self.flicker_guard and self.batch is None:
             raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
-        if self.at_once is not None and self.batch is None:
-            raise ValueError("at_once limits a batch, and there is none: name one as batch")
         return self
 
     def parameter_strings(self) -> dict[str, str]:

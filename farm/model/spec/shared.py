@@ -8,7 +8,7 @@ from pydantic_core import PydanticKnownError
 
 from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
-from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags, WorkerNames
+from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
@@ -109,21 +109,6 @@ class SharedSpec(Strict):
     batch: str | None = Field(
         default=None, min_length=1, max_length=100, description="a name that groups jobs"
     )
-    at_once: int | None = Field(
-        default=None,
-        ge=1,
-        le=1000,
-        description="while so many jobs of its batch are rendered that have such a limit, it waits "
-        "for its turn, by priority and age",
-    )
-    budget_core_hours: float | None = Field(
-        default=None,
-        ge=1e-9,
-        le=1e9,
-        allow_inf_nan=False,
-        description="once the jobs of its batch that have a budget, or it alone without a batch, "
-        "have cost so many core hours, it ends with its image, or is cancelled if it has no slice",
-    )
     flicker_guard: bool = Field(
         default=False,
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
@@ -148,10 +133,6 @@ class SharedSpec(Strict):
         description="ids of jobs and names of batches: it waits until all of them, a batch with "
         "the jobs that it has now, have converged or reached their limits, and their results "
         "are written; if one fails or is cancelled, it is cancelled too",
-    )
-    blocked: WorkerNames = Field(
-        default=(),
-        description="workers that must not render it, by their ids, or machines, by their hosts",
     )
     seed: int = Field(
         default=0,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.command import Command, Items
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class CensusRow:
     jobs: dict[str, int]
     stored: int
     created: int
-    unserved: int
+    unserved: Items[str]
     demand: dict[str, Work]
     workers: dict[str, int]
     monitors: int

@@ -123,34 +123,8 @@ class Resume(Command[Moved]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BlockAnswer:
-    """The answer to a block."""
-
-    outcome: Literal["changed", "illegal", "too many", "too varied"]
-    state: str = ""  #: if illegal, the state that forbids it, or ``missing``
-    has: int = 0  #: blocked workers, or different needs, if too many
-
-
-@dataclass(frozen=True, kw_only=True)
-class Block(Command[BlockAnswer]):
-    """Block a worker for a job, or let it render the job again."""
-
-    job: str
-    worker: str  #: its id, or its host
-    blocks: bool
-    most: int  #: workers that may be blocked
-
-
-@dataclass(frozen=True, kw_only=True)
 class Reprioritise(Command[Moved]):
     """Give a job another priority."""
 
     job: str
     priority: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class BudgetUsed(Command[str]):
-    """Ask which of a job's budgets is used up, in words; "" if none is."""
-
-    job: str

@@ -86,15 +86,16 @@ class Died(TryCommand[Literal["put back", "poisoned", "lost"]]):
 
     cause: str
     most_tries: int
+    alive_ms: int  #: a worker without a heartbeat for longer is dead
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandBack(TryCommand[Literal["put back", "failed", "lost"]]):
+class HandBack(TryCommand[Literal["put back", "lost"]]):
     """Give a slice back that nobody died on."""
 
     what: Literal["handed-back", "unfit"]
     cause: str
-    most_blocked: int  #: workers that may be blocked for the job, this one from now on; 0: not this
+    leaves_out: bool  #: whether the worker takes nothing of the job for a while
 
 
 @dataclass(frozen=True, kw_only=True)

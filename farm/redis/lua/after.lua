@@ -68,12 +68,9 @@ function After.gates(names)
   return gates
 end
 
--- A new job waits for these gates, or for its turn.
+-- A new job waits for these gates.
 function After.wait(id, gates)
-  if #gates == 0 then
-    Turn.ask(id)
-    return
-  end
+  if #gates == 0 then return end
   for i, gate in ipairs(gates) do
     redis.call('ZADD', job_key(id, 'after'), i, gate)
     redis.call('SADD', gate_key(gate), id)
@@ -102,7 +99,7 @@ local function open(gate)
       note_wait(id)
     else
       redis.call('HDEL', job_key(id), 'awaits')
-      if Turn.ask(id) then Job.may_begin(id, 'all that it waited for has ended well') end
+      Job.may_begin(id, 'all that it waited for has ended well')
     end
   end
 end
@@ -131,7 +128,6 @@ end
 -- A job is done, or lost: what waited for it, or for its batch, goes on or is cancelled.
 function After.settle(id)
   wait_no_more(id)
-  Turn.give_back(id)
   local how = standing(id)
   if how == 'well' then open('job ' .. id) else shut('job ' .. id, id, how) end
   local batch, place = unpack(redis.call('HMGET', job_key(id), 'batch', 'number'))

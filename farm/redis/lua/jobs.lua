@@ -6,7 +6,6 @@ function Job.spend(it)
   redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
   redis.call('HINCRBY', job_key(id), 'further_core_ms', string.format('%.0f', ms * (it.threads - 1)))
   count('machine ms', ms)
-  Budget.spend(id, ms * it.threads)
 end
 
 -- Does the job have an image?
@@ -95,25 +94,6 @@ function Job.is_open(id)
   return state and MOVES[state]['cancelled'] or false
 end
 
--- Share out what a job has saved among the workers that live, by their samples: what the saved samples would
--- have cost at the job's mean rate.
-local function share_out(id, saved)
-  local samples, all = {}, 0
-  local shares = redis.call('HGETALL', job_key(id, 'shares'))
-  for at = 1, #shares, 2 do
-    samples[shares[at]] = tonumber(shares[at + 1])
-    all = all + samples[shares[at]]
-  end
-  local spent = redis.call('HMGET', job_key(id), 'machine_ms', 'further_core_ms')
-  local core_ms = (spent[1] or 0) + (spent[2] or 0)
-  for worker, its in pairs(samples) do
-    if its > 0 and redis.call('EXISTS', worker_key(worker)) == 1 then
-      local ms = string.format('%.0f', core_ms * saved / all * its / all)
-      redis.call('HINCRBY', worker_key(worker), 'saved_core_ms', ms)
-    end
-  end
-end
-
 -- Note the samples that a converged job has saved: those of its cap, without those that it has or took
 -- over. The rule fixed saves none. Jobs, batches and the whole farm show this number.
 local function note_saved(id)
@@ -126,7 +106,6 @@ local function note_saved(id)
   samples = string.format('%.0f', math.max(0, spec.max_spp * pixels - had))
   redis.call('HSET', job_key(id), 'samples_saved', samples)
   count('samples saved', samples)
-  share_out(id, samples)
 end
 
 -- End all leases of the job, for good.
@@ -150,7 +129,7 @@ function Job.end_with(id, target, ended_by, reason, failed_slice)
   if target == 'converged' then note_saved(id) end
   redis.call('HSET', job_key(id), 'ended_at', now())
   Job.withdraw(id)
-  redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'), job_key(id, 'shares'))
+  redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
   local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
   if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
@@ -171,28 +150,4 @@ end
 -- Is this the token of the monitor that owns the job?
 function Job.is_owned(id, token)
   return redis.call('GET', job_key(id, 'owner')) == token
-end
-
--- Block a worker, or a machine, for an open job, or let it render the job again. At most so many can be
--- blocked.
--- Returns an answer as that of the command block.
-function Job.block(id, worker, blocks, most)
-  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
-  local base, had = string.match(need .. ' !', '^([^!]*) !(%S*)')
-  local names = blocks and {worker} or {}
-  for name in string.gmatch(had, '[^,]+') do
-    if name ~= worker then names[#names + 1] = name end
-  end
-  if blocks and #names > most then return {outcome = 'too many', has = #names - 1} end
-  table.sort(names)
-  local blocked = table.concat(names, ',')
-  local wanted = base .. (blocked ~= '' and ' !' .. blocked or '')
-  if wanted == need then return {outcome = 'changed'} end
-  local refused = New.needs_too_much({need = wanted})
-  if refused then return refused end
-  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
-  redis.call('HINCRBY', NEEDS, wanted, 1)
-  redis.call('HSET', job_key(id), 'need', wanted, 'blocked', blocked)
-  changed[id], has_more[id] = true, true
-  return {outcome = 'changed'}
 end

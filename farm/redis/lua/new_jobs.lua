@@ -54,10 +54,6 @@ local function seal_owner(id, owner, key)
   if not owner then return end
   redis.call('HSET', job_key(id, 'sealed'), 'owner', owner, 'owner_name', key.name or '')
   redis.call('HSET', job_key(id), 'party', owner)
-  local most = key.limits and tonumber(key.limits.jobs_at_once)  -- null is no number
-  if most then redis.call('HSET', job_key(id), 'key_at_once', most) end
-  local budget = key.limits and tonumber(key.limits.core_hours_per_week)
-  if budget then redis.call('HSET', job_key(id), 'key_budget', budget) end
 end
 
 -- A new job, queued, with its id and the fields of its two hashes.

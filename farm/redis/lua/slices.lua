@@ -24,10 +24,8 @@ function Slice.samples(id, index, spp, width, height)
   return round.spp * round.pixels
 end
 
--- Add to the samples in the ledger: to those of the worker, if one has rendered them now, and to the sum
--- that a job by zones has.
-function Slice.count_samples(id, samples, worker)
-  if worker then redis.call('HINCRBY', job_key(id, 'shares'), worker, string.format('%.0f', samples)) end
+-- Add to the samples in the ledger, whose sum a job by zones has.
+function Slice.count_samples(id, samples)
   if redis.call('HEXISTS', job_key(id), 'by_zones') == 1 then
     redis.call('HINCRBY', job_key(id), 'committed_samples', string.format('%.0f', samples))
   end

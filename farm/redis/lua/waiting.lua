@@ -7,7 +7,7 @@
 -- entry is a party's next job. Its score is the spp that the party has leased at this priority and above;
 -- among equal scores the member decides, whose text sorts by age.
 --
---   need   "POOL", "POOL TAG,TAG", and " !WORKER,WORKER" where some are blocked for the job
+--   need   "POOL", or "POOL TAG,TAG"
 --   class  "VARIANT NEED"
 --   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
 
@@ -77,24 +77,84 @@ local function is_among(one, these)
   return string.find(',' .. these .. ',', ',' .. one .. ',', 1, true) ~= nil
 end
 
--- Is the worker, or its machine, blocked for jobs of this class? A worker's id begins with its machine.
-function Waiting.is_blocked(worker, class)
-  local blocked = string.find(class, '!', 1, true) and string.match(class, '!(%S*)$')
-  if not blocked then return false end
-  local host = string.match(worker, '^(.+)%-%d+%-%x+$')
-  return is_among(worker, blocked) or host ~= nil and is_among(host, blocked)
+-- The jobs that a worker leaves to others for a while, by its field `left_out`, each with the time until
+-- which it does (ms).
+local LEFT_OUT_MS = 120000
+
+function Waiting.left_out_of(worker)
+  local jobs, text = {}, redis.call('HGET', worker_key(worker), 'left_out')
+  for id, till in string.gmatch(text or '', '(%S+) (%S+)') do
+    if till - now() > 0 then jobs[id] = till end
+  end
+  return jobs
 end
 
--- The variant with which workers of this kind render jobs of this class, or nil: also where this `worker`,
--- if it is given, is blocked for them.
-function Waiting.variant_of(kind, class, worker)
+-- A worker is left out of a job from now on: slices of it died there, or it does not see the scene's files.
+function Waiting.leave_out(worker, id)
+  local jobs, text = Waiting.left_out_of(worker), {}
+  jobs[id] = string.format('%.0f', now() + LEFT_OUT_MS)
+  for job, till in pairs(jobs) do text[#text + 1] = job .. ' ' .. till end
+  redis.call('HSET', worker_key(worker), 'left_out', table.concat(text, ' '))
+  redis.call('EXPIRE', worker_key(worker), 3600)
+end
+
+-- The kind of a worker, by its description.
+function Waiting.kind_of(about)
+  return string.format('%s %s %s', about.pool or DEFAULT_POOL, table.concat(about.variants or {}, ','),
+                       table.concat(about.tags or {}, ','))
+end
+
+-- The living workers that take work, with their kinds.
+function Waiting.at_work(alive_ms)
+  local kinds = {}
+  for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - alive_ms, '+inf')) do
+    local about, drained = unpack(redis.call('HMGET', worker_key(id), 'about', 'drained'))
+    about = cjson.decode(about or '{}')
+    if not drained and not given(about.trouble) then kinds[id] = Waiting.kind_of(about) end
+  end
+  return kinds
+end
+
+-- The class of a job.
+function Waiting.class_of(id)
+  local pinned, asked, need = unpack(redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need'))
+  return (pinned or asked or 'auto') .. ' ' .. (need or DEFAULT_POOL)
+end
+
+-- May one of these workers, as `at_work` returns them, render the job?
+function Waiting.is_served(id, class, kinds)
+  for worker, kind in pairs(kinds) do
+    if Waiting.variant_of(kind, class) and not Waiting.left_out_of(worker)[id] then return true end
+  end
+  return false
+end
+
+-- The first job of a queue, or of the part of it of an owner or a batch, that is not among `left_out`, which
+-- are so many; with the entry that it comes from, and the entry's score.
+function Waiting.first(queue, left_out, most, owner, batch)
+  local entries = redis.call('ZRANGE', Waiting.key(queue, owner, batch), 0, most, 'WITHSCORES')
+  for i = 1, #entries, 2 do
+    local id = string.match(entries[i], '%S+$')
+    if left_out[id] and not batch then
+      local party, its_batch = unpack(redis.call('HMGET', job_key(id), 'party', 'batch'))
+      if not owner then
+        id = Waiting.first(queue, left_out, most, party or '')
+      else
+        id = (its_batch or '') ~= '' and Waiting.first(queue, left_out, most, owner, its_batch)
+      end
+    end
+    if id and not left_out[id] then return id, entries[i], tonumber(entries[i + 1]) end
+  end
+end
+
+-- The variant with which workers of this kind render jobs of this class, or nil.
+function Waiting.variant_of(kind, class)
   local pool, variants, tags = string.match(kind, '^(%S+) (%S*) (%S*)$')
-  local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?([^!]*)')
+  local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?(.*)')
   if pool ~= in_pool then return nil end
   for tag in string.gmatch(required, '[^, ]+') do
     if not is_among(tag, tags) then return nil end
   end
-  if worker and Waiting.is_blocked(worker, class) then return nil end
   if wanted == 'auto' then return string.match(variants, '^[^,]+') end
   return is_among(wanted, variants) and wanted or nil
 end
@@ -106,28 +166,28 @@ function Waiting.note_idle(worker, kind)
   redis.call('SADD', IDLE_KINDS, kind)
 end
 
--- Wake idle workers of a kind for this many slices of a class; returns the slices without a worker. Workers
--- in the set that found other work or died are not counted, and blocked ones stay in it.
-local function wake_kind(kind, class, slices)
-  local idle, blocked = IDLE .. ':' .. kind, {}
+-- Wake idle workers of a kind for this many slices of a job; returns the slices without a worker. Workers
+-- in the set that found other work or died are not counted, and those left out of the job stay in it.
+local function wake_kind(kind, id, slices)
+  local idle, left_out = IDLE .. ':' .. kind, {}
   while slices > 0 do
     local worker = redis.call('SPOP', idle)
     if not worker then break end
-    if Waiting.is_blocked(worker, class) then
-      blocked[#blocked + 1] = worker
+    if Waiting.left_out_of(worker)[id] then
+      left_out[#left_out + 1] = worker
     elseif redis.call('HDEL', IDLE, worker) == 1 then
       slices = slices - redis.call('PUBLISH', wake_worker_key(worker), 'planned')
     end
   end
-  for _, worker in ipairs(blocked) do redis.call('SADD', idle, worker) end
+  for _, worker in ipairs(left_out) do redis.call('SADD', idle, worker) end
   if redis.call('EXISTS', idle) == 0 then redis.call('SREM', IDLE_KINDS, kind) end
   return math.max(0, slices)
 end
 
 -- Wake as many idle workers as there are slices for them.
-local function wake_workers(class, slices)
+local function wake_workers(id, class, slices)
   for _, kind in ipairs(redis.call('SMEMBERS', IDLE_KINDS)) do
-    if slices > 0 and Waiting.variant_of(kind, class) then slices = wake_kind(kind, class, slices) end
+    if slices > 0 and Waiting.variant_of(kind, class) then slices = wake_kind(kind, id, slices) end
   end
 end
 
@@ -164,18 +224,17 @@ local function file(id)
     redis.call('HMGET', job_key(id), 'state', 'held', 'ready', 'leased', 'slice_spp', 'number',
                'party', 'batch', 'filed'))
   if not state then return end
-  local pinned, asked, need, late_ms, prefix, late, awaits, turn = unpack(
-    redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need', 'late_ms', 'prefix', 'late',
-               'awaits', 'turn'))
-  local class = (pinned or asked) .. ' ' .. (need or DEFAULT_POOL)
+  local late_ms, prefix, late, awaits = unpack(
+    redis.call('HMGET', job_key(id), 'late_ms', 'prefix', 'late', 'awaits'))
+  local class = Waiting.class_of(id)
   file_late(id, state, class, late_ms, prefix, late)
   local priority = redis.call('ZSCORE', OPEN, id)  -- none once it has ended
-  local queue = queue_for(id, priority, state, held or awaits or turn, ready, class)
+  local queue = queue_for(id, priority, state, held or awaits, ready, class)
   local spp = priority and (leased or 0) * slice_spp or 0
   local counts = spp > 0 or queue ~= ''
   local filed = counts and string.format('%s %.0f %s', priority, spp, queue) or NOT_FILED
   if queue ~= '' and has_more[id] then
-    wake_workers(class, ready + redis.call('ZCARD', job_key(id, 'lost')))
+    wake_workers(id, class, ready + redis.call('ZCARD', job_key(id, 'lost')))
   end
   was = was or NOT_FILED
   if filed == was then return end
@@ -234,10 +293,4 @@ function Waiting.file_all_anew()
     redis.call('HDEL', job_key(id), 'filed', 'late')
     changed[id] = true
   end
-end
-
--- The kind of a worker, by its description.
-function Waiting.kind_of(about)
-  return string.format('%s %s %s', about.pool or DEFAULT_POOL, table.concat(about.variants or {}, ','),
-                       table.concat(about.tags or {}, ','))
 end

@@ -88,7 +88,7 @@ def _open_work(census: Census) -> Iterator[Metric]:
         "plateau_jobs_unserved",
         "Jobs that wait or render without a living worker that takes work and has their variant, "
         "pool and tags; GET /v1/jobs says what they wait for.",
-        census.jobs_unserved,
+        len(census.unserved),
     )
     yield _gauge(
         "plateau_queue_age_seconds",
@@ -157,8 +157,8 @@ def _totals(census: Census) -> Iterator[Metric]:
     yield _counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
     yield _counter(
         "plateau_jobs_ended_total",
-        "Jobs ended, by how: converged (a rule fired), exhausted (at its cap, time limit "
-        "or budget), cancelled or failed.",
+        "Jobs ended, by how: converged (a rule fired), exhausted (at its cap or time "
+        "limit), cancelled or failed.",
         census.jobs_ended,
         "state",
     )

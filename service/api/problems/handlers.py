@@ -19,7 +19,6 @@ from plateau.farm.model.errors import (
     JobNotEnded,
     JobNotFound,
     StoreUnavailable,
-    TooManyBlocked,
     TooManyJobs,
     TooManyNeeds,
     UnevenBatch,
@@ -49,7 +48,6 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
     UnreadableJob: (problems.UNREADABLE_JOB, ""),
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
-    TooManyBlocked: (problems.TOO_MANY_BLOCKED, "; let another one render it again, or drain it"),
     WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
     SpoiledBlob: (problems.SPOILED_FILE, ""),
 }

@@ -59,9 +59,8 @@ CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "Job not paused")
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "Image cannot be reproduced")
 UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "Job conflicts with the flicker guard")
 TOO_MANY_NEEDS: Final = ProblemType(
-    "too-many-needs", 409, "Too many combinations of pools, tags and blocked workers"
+    "too-many-needs", 409, "Too many combinations of pools and tags"
 )
-TOO_MANY_BLOCKED: Final = ProblemType("too-many-blocked", 409, "Too many blocked workers")
 JOB_ENDED: Final = ProblemType("job-ended", 409, "Job already ended")
 JOB_NOT_ENDED: Final = ProblemType("job-not-ended", 409, "Job not ended")
 TOO_MANY_SCENES: Final = ProblemType("too-many-scenes", 403, "Scene storage quota exceeded")

@@ -77,7 +77,7 @@ class JobFiles:
             yield self._entry("curve.svg", curve_file(job, points))
         happened = self._farm.jobs.events(job.id)
         yield self._entry("report.html", report_html(job, points, happened, pictures))
-        view = job_view(job, price=self._farm.price)
+        view = job_view(job)
         yield self._entry("summary.txt", job_text.summary(view, utc_now()) + "\n")
         about = job_text.summary_json(view, points, [*self._names, "summary.json"])
         yield self._entry("summary.json", json.dumps(about, indent=2) + "\n")

@@ -1,7 +1,7 @@
 """The route that renders an ended job again, with its samples where they can be kept."""
 
 import json
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -11,11 +11,9 @@ from pydantic.config import JsonDict
 from plateau.farm.ledger.continuation import changed_spec, lost_by
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.model.job import Again, Job
-from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import changes as changes_of
 from plateau.farm.model.spec.whole_slices import fitted
-from plateau.farm.model.states import JobState
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf
@@ -34,9 +32,6 @@ from plateau.service.api.submission.submitted_spec import check_alone, check_nam
 from plateau.service.api.submission.uploads import Submission, create_job, stored_scene
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
-
-#: Ends of tries for which the worker may be at fault.
-_AT_FAULT: Final = frozenset({"died", "failed"})
 
 
 def _described(schema: JsonDict) -> None:
@@ -103,8 +98,7 @@ async def render_again(
     kept (`keep_slices`) are judged anew, so the view, step and zones may change; with a `max_spp`
     that is not beyond them, nothing is rendered. Otherwise the sums of the samples are continued,
     which are kept for PLATEAU_KEEP_SUMS_DAYS. Another `seed` draws other samples. A notice,
-    `after` and `shot` are not inherited. Of a failed job, the workers on which tries failed are
-    blocked for the new one.
+    `after` and `shot` are not inherited.
     """
     asked, created = await run_in_threadpool(_continued, job_id, changes.root, key, farm, who.id)
     if created is None:
@@ -120,7 +114,7 @@ def _continued(
 ) -> tuple[Submission, Created | None]:
     """What is asked for, and the job that continues the old one; None if no samples can be kept."""
     old = farm.job(job_id)
-    wanted = _wanted(old, changes, farm)
+    wanted = _wanted(old, changes)
     spec = fitted(wanted, keep_slices=wanted.slice_spp == old.spec.slice_spp)
     spec = with_notice(spec, farm.receivers, farm.targets)
     check_names(spec)
@@ -139,11 +133,8 @@ def _continued(
             return Submission(spec, notes, key, old.scene_sha256), created
 
 
-def _wanted(old: Job, changes: dict[str, Any], farm: Parts) -> JobSpec:
-    """The spec with these changes; a failed job is kept from the workers on which it failed."""
-    if old.state is JobState.FAILED and "blocked" not in changes:
-        failed = {one.worker for one in farm.jobs.log(old.id) if one.what in _AT_FAULT}
-        changes = {**changes, "blocked": sorted({*old.spec.blocked, *failed})[:MOST_BLOCKED]}
+def _wanted(old: Job, changes: dict[str, Any]) -> JobSpec:
+    """The spec with these changes."""
     try:
         # From JSON, which has no tuples: strict mode still refuses a number in quotes.
         changed = json.dumps(changed_spec(old.spec, whole_numbers(changes)))

@@ -21,7 +21,6 @@ from plateau.farm.wire.views import (
     Scenes,
     SceneView,
     Workers,
-    worker_view,
 )
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
@@ -44,8 +43,7 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 
 def _all_workers(farm: Parts) -> Workers:
-    workers = farm.workers.with_blocks(farm.jobs.workers())
-    return Workers(workers=[worker_view(one, farm.price) for one in workers])
+    return Workers(workers=farm.jobs.workers())
 
 
 @router.get("/v1/workers", responses=documented())
@@ -185,8 +183,6 @@ _KEY: Final[JsonDict] = {
         "burst": 200,
         "upload_bytes": 500_000_000,
         "open_jobs": 10_000,
-        "jobs_at_once": 20,
-        "core_hours_per_week": 500.0,
         "scenes_bytes": 53_687_091_200,
     },
 }

@@ -4,10 +4,9 @@ from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Response
 
-from plateau.farm.model.fit import waits_for
+from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.starts import why_unknown
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
 from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_view
@@ -39,18 +38,25 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
-    """The jobs as the caller sees them, with what they wait for, and for how long."""
-    kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
-    blocks = any(job.spec.blocked for job in jobs if not job.state.ended)
-    workers = farm.jobs.workers() if blocks else []
-    starts = farm.starts.of(jobs)
+    """The jobs as the caller sees them, with their places in the queue and what they wait for."""
+    crew = Crew([] if all(job.state.ended for job in jobs) else farm.jobs.workers())
+    in_line = {job.id for job in jobs if _is_in_line(job)}
+    places = farm.jobs.places() if in_line else {}
 
     def view(job: Job) -> JobView:
-        waits = waits_for(job, kinds, workers)
-        start = starts.get(job.id) or why_unknown(job, waits)
-        return job_view(job, waits, to_owner=who.made(job.owner), price=farm.price, start=start)
+        return job_view(
+            job,
+            to_owner=who.made(job.owner),
+            queue_place=places.get(job.id) if job.id in in_line else None,
+            fitting_workers=None if job.state.ended else crew.fitting(job),
+            waits_for=waits_for(job, crew),
+        )
 
     return list(map(view, jobs))
+
+
+def _is_in_line(job: Job) -> bool:
+    return job.state is JobState.QUEUED and not (job.held or job.awaits)
 
 
 #: Whether jobs have a property; ``any`` if that does not matter.
@@ -279,7 +285,7 @@ def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     otherwise answers 409 with its state.
     """
     job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(
@@ -295,7 +301,7 @@ def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     409 with its state.
     """
     job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(

@@ -22,8 +22,8 @@ _TIME: Final = (
     r"(T[0-9]{2}:[0-9]{2}(:[0-9]{2})?(Z|[+-][0-9]{2}:[0-9]{2})?)?$"
 )
 _CSV_EXAMPLE: Final = (
-    "key,name,jobs,machine_s,wasted_s,core_hours,saved_core_hours,cost,saved_cost,currency\n"
-    "exposures,,12,124.8,0.6,0.277333,1.2,0.011093,0.048,EUR\n"
+    "key,name,jobs,machine_s,wasted_s,core_hours,saved_core_hours\n"
+    "exposures,,12,124.8,0.6,0.277333,1.2\n"
 )
 _MOST_ROWS: Final = 100_000
 
@@ -67,16 +67,13 @@ def _summed(
         message = f"it has to be later than since, and {until} is not later than {since}"
         raise invalid_field(problems.INVALID_REQUEST, "until", message)
     rows, left_out, total = farm.jobs.usage(by, since=since, until=until, limit=limit)
-    price = farm.price
     return Usage(
         by=by,
         since=since,
         until=until,
-        core_hour_price=None if price is None else price.per_core_hour,
-        currency=None if price is None else price.currency,
-        rows=[row_view(row, price) for row in rows],
+        rows=list(map(row_view, rows)),
         left_out=left_out,
-        total=row_view(total, price),
+        total=row_view(total),
     )
 
 
@@ -120,19 +117,3 @@ def get_usage(
     if chosen(accept, (_JSON, _CSV)) == _CSV:
         return _CsvResponse(usage_csv(usage), headers=vary)
     return Response(usage.model_dump_json(), media_type=_JSON, headers=vary)
-
-
-@router.get(
-    "/usage.csv",
-    response_class=_CsvResponse,
-    responses={
-        200: {
-            "description": "the rows as CSV",
-            "content": {_CSV: {"schema": {"type": "string"}, "example": _CSV_EXAMPLE}},
-        },
-        **documented(problems.INVALID_REQUEST),
-    },
-)
-def get_usage_csv(usage: _Usage) -> Response:
-    """Sum up what the stored jobs have cost, as CSV."""
-    return _CsvResponse(usage_csv(usage))

@@ -14,7 +14,6 @@ from plateau.farm.ledger.outbox import Taken
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.process.notify_targets import Targets, UnknownTarget
-from plateau.farm.wire.costs import Price
 from plateau.farm.wire.figures import duration, percent
 
 _APPRISE: Final = logging.getLogger("apprise")
@@ -48,14 +47,12 @@ class Note:
 
 @dataclass(frozen=True)
 class Notes:
-    """Sends notes to targets; with a price they say what a job cost, with `url` where it is seen.
+    """Sends notes to targets; with a `url` they say where a job is seen.
 
     Parameters
     ----------
     targets
         Who can be notified.
-    price
-        Of a core hour.
     url
         Of the farm's page, as its users reach it.
     picture
@@ -63,7 +60,6 @@ class Notes:
     """
 
     targets: Targets = field(default_factory=Targets)
-    price: Price | None = None
     url: str | None = None
     picture: Callable[[str], bytes | None] = lambda _: None
 
@@ -85,8 +81,6 @@ class Notes:
         if job.estimate_fraction is not None:
             facts.append(f"noise left {percent(job.estimate_fraction)} of the pixels")
         lines = [f"Job {job.id}: {job.reason}", ", ".join(facts)]
-        if self.price is not None:
-            lines.append(f"cost {self.price.of(job.core_hours):g} {self.price.currency}".rstrip())
         return Note(f"{job.name} {_ended(job)}", self._with_link(lines, job))
 
     def of_batch(self, job: Job, states: Mapping[str, int]) -> Note:

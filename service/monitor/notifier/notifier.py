@@ -29,7 +29,6 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
-from plateau.farm.wire.costs import Price
 from plateau.farm.wire.notice_views import message
 from plateau.service.monitor.notifier.notes import Notes, NotNotified
 from plateau.service.monitor.notifier.requests import (
@@ -83,7 +82,7 @@ def _notes(settings: Settings, client: RedisClient, store: Blobs | None) -> Note
         except (FileNotFoundError, BlobsUnavailable):  # the words are worth more than the picture
             return None
 
-    return Notes(read_targets(settings), Price.if_set(settings), settings.page_url, picture)
+    return Notes(read_targets(settings), settings.page_url, picture)
 
 
 class Notifier:

@@ -17,9 +17,7 @@ export class CostFigures {
     this.#set("spp", "samples", sppOf(job.spp, job), `of ${whole(job.spec.max_spp)} at most`);
     this.#set("machine", "machine time", job.machine_s ? duration(job.machine_s) : "–",
       job.started_at ? `within ${duration(durationSeconds(job))} since it was submitted` : "not started");
-    const { cost, core_hours: hours } = job;
-    this.#set("cost", hours ? "cost" : "", cost ? `${three(cost.amount)} ${cost.currency}`.trim() : `${three(hours)} core hours`,
-      cost ? `for ${three(hours)} core hours` : "machine time times the threads of the workers");
+    this.#set("cost", job.core_hours ? "cost" : "", `${three(job.core_hours)} core hours`, "machine time times the threads of the workers");
     this.#set("broken", job.non_finite_pixels ? "broken" : "", `${whole(job.non_finite_pixels ?? 0)} px`,
       "NaN or infinite, left out of what is counted");
     const rendered = (job.committed_spp - job.continued_spp) * imagePixels(job);

@@ -11,7 +11,7 @@ import { complain } from "../shared/notices.js";
  */
 const ADVICE = {
   scene: "No worker can render the scene as it is. Mend it, and submit it.",
-  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, render it again: those workers are then blocked for the new job.",
+  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and render it again.",
 };
 const OTHERWISE = "Change what is named above, and render it again.";
 

@@ -2,10 +2,9 @@
 
 import { extensions } from "../extensions.js";
 import { follow, get, isProblem } from "../shared/api.js";
-import { unblock } from "../shared/blocked_workers.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
-import { controls, mayControl } from "../shared/job_controls.js";
+import { controls } from "../shared/job_controls.js";
 import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
 import { AGAIN, ENDED, noiseTarget, timeLeft, took } from "../shared/job_summary.js";
@@ -36,12 +35,11 @@ export function open(main, { id, signal, go }) {
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
   const again = h("p", { class: "summary", hidden: true });
-  const blocked = h("p", { class: "summary blocked", hidden: true });
   const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" });
   const chart = new CurveChart(signal);
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
-  const records = new Records(signal, () => look());
+  const records = new Records(signal);
   const failure = new Failure(signal);
   /** @type {Api.CurvePoint[]} */
   const points = [];
@@ -51,7 +49,7 @@ export function open(main, { id, signal, go }) {
     h("header", {},
       h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
       h("div", { class: "head" },
-        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, again, blocked),
+        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, again),
         actions),
       reason, failure.element, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
@@ -106,7 +104,6 @@ export function open(main, { id, signal, go }) {
       again.hidden = false;
       again.replaceChildren(...againInWords(job.again));
     }
-    showBlocked(job);
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
     // The forecast, if any, is a better goal than the cap.
@@ -124,18 +121,6 @@ export function open(main, { id, signal, go }) {
     failure.show(job);
     facts.show(job);
     records.show(job);
-  }
-
-  let blockedShown = "";
-  /** @param {Api.JobView} job */
-  function showBlocked(job) {
-    const mayUnblock = mayControl(job);
-    const key = `${mayUnblock} ${job.spec.blocked}`;
-    if (key === blockedShown) return;
-    blockedShown = key;
-    blocked.hidden = !job.spec.blocked.length;
-    blocked.replaceChildren("Blocked for it: ", ...job.spec.blocked.flatMap((worker, at) => [`${at ? ", " : ""}${worker} `,
-      mayUnblock ? h("button", { "aria-label": `Unblock ${worker}`, onclick: () => unblock(newest, worker, look) }, "Unblock") : ""]));
   }
 
   /** @type {Api.JobView | null} */

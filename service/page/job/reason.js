@@ -1,6 +1,6 @@
 // Why a job is in its state, in words for readers who do not know the papers.
 
-import { percent, pixels, sentence, sppOf, three, whole } from "../shared/figures.js";
+import { percent, pixels, sentence, several, sppOf, three, whole } from "../shared/figures.js";
 import { noiseTarget, stopSlope } from "../shared/job_summary.js";
 import { parametersOf, ruleNamed } from "../shared/rules.js";
 
@@ -19,7 +19,9 @@ export function reasonInWords(job) {
   if (state === "failed") return sentence(job.reason);
   if (state === "paused") return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
   if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
-  if (state === "queued") return "It waits for a worker.";
+  if (state === "queued") {
+    return job.fitting_workers ? `It waits for a worker: ${several(job.fitting_workers, "living one")} can render it.` : "It waits for a worker.";
+  }
   if (!job.points) {
     return `It is being rendered, and first judged at ${whole(spec.step)} spp; ${whole(job.committed_spp)} are done so far.`;
   }

@@ -1,10 +1,8 @@
 // A job's records: its files, its story, the workers of its slices, its log and its spec.
 
 import { downloadLink, get } from "../shared/api.js";
-import { block } from "../shared/blocked_workers.js";
 import { h, setText, table } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
-import { mayControl } from "../shared/job_controls.js";
 import { inWords, isByQuality, zoneSize } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 
@@ -15,7 +13,6 @@ const EVERY_MS = 4000;
 
 export class Records {
   #signal;
-  #refresh;
   /** @type {Api.JobView | null} */
   #job = null;
   /** @type {JobEvent[]} */
@@ -32,15 +29,11 @@ export class Records {
   #slices;
   #logBox;
 
-  /**
-   * @param {AbortSignal} signal
-   * @param {() => unknown} refresh
-   */
-  constructor(signal, refresh) {
+  /** @param {AbortSignal} signal */
+  constructor(signal) {
     this.#signal = signal;
-    this.#refresh = refresh;
     const box = (/** @type {string} */ name, /** @type {Child} */ inside) => h("details", {}, h("summary", {}, name), inside);
-    const columns = ["worker", "slices", "spp", "rendering", "a slice", "share", "for this job"];
+    const columns = ["worker", "slices", "spp", "rendering", "a slice", "share"];
     this.#slices = box("Who rendered it", table("The slices of each worker", columns, this.#workers));
     this.#logBox = box("Log", this.#log);
     for (const one of [this.#slices, this.#logBox]) one.addEventListener("toggle", () => this.#fetch());
@@ -136,9 +129,7 @@ export class Records {
     this.#workers.replaceChildren(...sorted.map(([name, sum], at) =>
       h("tr", {}, h("th", { scope: "row" }, name),
         ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
-        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`),
-        h("td", {}, mayControl(job) && !job.spec.blocked.includes(name)
-          && h("button", { "aria-label": `Block ${name}`, onclick: () => block(job, name, this.#refresh) }, "Block")))));
+        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`))));
     setText(this.#slices.children[0], `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
   }
 

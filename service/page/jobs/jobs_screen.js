@@ -33,7 +33,7 @@ export function open(main, { signal, go }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
   const feed = new JobFeed(asked, signal);
-  /** @type {Api.WorkerView[]} */
+  /** @type {Api.Worker[]} */
   let workers = [];
   let loaded = false;
   let reaching = false;
@@ -224,7 +224,7 @@ function grouped(jobs) {
 /**
  * @param {Api.JobView[]} jobs
  * @param {boolean} more - whether there are older ones
- * @param {Api.WorkerView[]} workers
+ * @param {Api.Worker[]} workers
  */
 function summed(jobs, more, workers) {
   const counts = STATES.slice(0, 3)

@@ -1,6 +1,6 @@
 // Values derived from a job's JSON: its rules, duration and savings.
 
-import { duration, roughly } from "./figures.js";
+import { duration, roughly, whole } from "./figures.js";
 import { ruleNamed, valueIn } from "./rules.js";
 
 /** @import { Rule } from "./rules.js" */
@@ -124,20 +124,19 @@ export function durationSeconds(job) {
 const SOON_S = 3;
 
 /**
- * When a queued job will start, in words; "" if it is unknown.
+ * A queued job's place in the queue, in words; "" if it has none.
  * @param {Api.JobView} job
  */
-function start({ expected_start_s: seconds, expected_start_is_bound: isBound }) {
-  if (seconds == null) return "";
-  return seconds < SOON_S ? "starts any moment" : `starts in ${isBound ? "at most " : ""}about ${roughly(seconds)}`;
+function place({ queue_place: at }) {
+  return at == null ? "" : `place ${whole(at)} in the queue`;
 }
 
 /**
- * When a queued job starts, or the time that one still needs, in words; "" if it is unknown.
+ * A queued job's place, or the time that one still needs, in words; "" if it is unknown.
  * @param {Api.JobView} job
  */
 export function timeLeft(job) {
-  if (job.state === "queued") return start(job);
+  if (job.state === "queued") return place(job);
   if (job.state !== "rendering") return "";
   const { expected_spp: expected, expected_s: wait, committed_spp: committed } = job;
   if (expected != null && wait != null && expected <= job.spec.max_spp) {

@@ -60,10 +60,6 @@ export const EXR = [
 export const MORE = [
   { name: "name", label: "Name", help: "What the job is called. Empty: as its scene is." },
   { name: "batch", label: "Batch", help: "A name that groups jobs." },
-  { name: "at_once", label: "At once",
-    help: "Most jobs of the batch that are rendered at once; others wait for their turn." },
-  { name: "budget_core_hours", label: "Budget", unit: "core hours",
-    help: "What the batch, or the job without one, may cost; then its jobs end with the image that they have." },
   { name: "after", label: "After",
     help: "Ids of jobs and names of batches, separated by commas: the job waits until all have ended well." },
   { name: "min_spp", label: "No sooner than", unit: "spp",
@@ -79,7 +75,6 @@ export const WORKERS = [
   { name: "variant", label: "Variant" },
   { name: "pool", label: "Pool" },
   { name: "requires", label: "Tags", help: "Only workers that have all of these render it. Separated by commas." },
-  { name: "blocked", label: "But not", help: "Workers and machines that must not render it, by their names, separated by commas." },
 ];
 
 /**

@@ -1,18 +1,17 @@
 // The list of living workers: what each does, and its troubles.
 
 import { get, send } from "../shared/api.js";
-import { block } from "../shared/blocked_workers.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
 import { attempt } from "../shared/notices.js";
-import { maySteer, maySteerWorkers } from "../shared/permissions.js";
+import { maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.WorkerView & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
+/** @typedef {Api.Worker & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -30,7 +29,7 @@ export function open(main, { signal }) {
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers } = await get("/v1/workers", signal);
-    const named = workers.flatMap(({ job, blocked_for: blocked, last_slices: last }) => [...(job ? [job] : []), ...blocked, ...last.map((one) => one.job)]);
+    const named = workers.flatMap(({ job, left_out_of: left, last_slices: last }) => [...(job ? [job] : []), ...left, ...last.map((one) => one.job)]);
     const unknown = new Set(named.filter((id) => !jobs.has(id)));
     await Promise.all([...unknown].map(async (id) => {
       jobs.set(id, await get(`/v1/jobs/${id}`, signal).catch(() => null));
@@ -56,17 +55,15 @@ class WorkerRow {
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
   #machine = h("p", { class: "summary machine" });
-  #costs = h("p", { class: "summary costs" });
   #last = h("ol", { class: "last-slices" });
   #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
   #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
   #trouble = h("p", { class: "bad" });
-  #blocks = h("p", { class: "summary blocks" });
+  #leftOut = h("p", { class: "summary left-out" });
   #drain = h("button");
   #worker;
-  #refresh;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#costs, this.#blocks, this.#slices, this.#kinds);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut, this.#slices, this.#kinds);
 
   /**
    * @param {NamedWorker} worker
@@ -74,7 +71,6 @@ class WorkerRow {
    */
   constructor(worker, refresh) {
     this.#worker = worker;
-    this.#refresh = refresh;
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
       const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
@@ -112,25 +108,18 @@ class WorkerRow {
     this.#trouble.hidden = !(trouble || error);
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
-    setText(this.#costs, costs(worker));
-    this.#costs.hidden = !this.#costs.textContent;
-    this.#showBlocks(worker);
+    this.#showLeftOut(worker);
     this.#showSlices(worker);
     this.#showKinds(worker);
   }
 
   /** @param {NamedWorker} worker */
-  #showBlocks(worker) {
-    const { id, job, blocked_for: blocked, jobOf } = worker;
-    const rendered = job && !blocked.includes(job) ? jobOf(job) : null;
-    const offered = rendered && maySteer(rendered) ? rendered : null;
-    const key = [offered?.id, ...blocked].join();
-    if (this.#blocks.dataset.shown === key) return;
-    this.#blocks.dataset.shown = key;
-    this.#blocks.hidden = !offered && !blocked.length;
-    this.#blocks.replaceChildren(
-      ...blocked.flatMap((one) => ["Blocked for ", h("a", { href: `/jobs/${one}` }, nameOf(worker, one)), ". "]),
-      offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${offered.name}`) : "");
+  #showLeftOut(worker) {
+    const { left_out_of: left } = worker;
+    this.#leftOut.hidden = !left.length;
+    if (this.#leftOut.dataset.shown === left.join()) return;
+    this.#leftOut.dataset.shown = left.join();
+    this.#leftOut.replaceChildren("Left out for a while of ", ...left.flatMap((one, at) => [at ? ", " : "", h("a", { href: `/jobs/${one}` }, nameOf(worker, one))]));
   }
 
   /** @param {NamedWorker} worker */
@@ -164,35 +153,23 @@ function nameOf({ jobOf }, id) {
 }
 
 /**
- * What its machine does.
- * @param {Api.WorkerView} worker
+ * What its machine does, and what it has rendered.
+ * @param {Api.Worker} worker
  */
-function used({ machine }) {
+function used({ machine, core_hours: hours }) {
   const free = machine?.disk_free_bytes;
   return [
     machine && `${percent(machine.load)} of ${several(machine.cores, "core")} in use`,
     machine && `${bytes(machine.memory_used_bytes)} of ${bytes(machine.memory_bytes)} memory`,
     free != null && `${bytes(free)} of disk left`,
     machine?.temperature_c != null && `${whole(machine.temperature_c)} °C`,
-  ].filter(Boolean).join(" · ");
-}
-
-/**
- * What it has cost and saved.
- * @param {Api.WorkerView} worker
- */
-function costs({ core_hours: hours, saved_core_hours: saved, cost }) {
-  const amount = (/** @type {number} */ hours, /** @type {number | undefined} */ money) =>
-    [`${three(hours)} core hours`, money == null ? "" : `${three(money)} ${cost?.currency ?? ""}`.trim()].filter(Boolean).join(", ");
-  return [
-    hours ? `has cost ${amount(hours, cost?.amount)}` : "",
-    saved ? `its share of what was saved: about ${amount(saved, cost?.saved)}` : "",
+    hours && `${three(hours)} core hours rendered`,
   ].filter(Boolean).join(" · ");
 }
 
 /**
  * Its version, if it says so.
- * @param {Api.WorkerView} worker
+ * @param {Api.Worker} worker
  */
 function version({ plateau }) {
   return plateau ? `Plateau ${plateau} · ` : "";
@@ -200,7 +177,7 @@ function version({ plateau }) {
 
 /**
  * Its pool and tags, if it has any of its own.
- * @param {Api.WorkerView} worker
+ * @param {Api.Worker} worker
  */
 function placed({ pool, tags }) {
   const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];

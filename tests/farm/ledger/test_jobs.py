@@ -33,6 +33,16 @@ def test_a_new_job_waits(jobs: Jobs) -> None:
     assert (job.variant, job.started_at, job.verdict) == (None, None, None)
 
 
+def test_queued_jobs_have_places_by_priority_and_then_by_age(
+    jobs: Jobs, client: redis.Redis
+) -> None:
+    first, last = create(jobs), create(jobs, priority=-3)
+    second, urgent, ended = create(jobs), create(jobs, priority=9), create(jobs)
+    StagedJob(client, create(jobs, priority=10)).commit()  # which is rendering
+    jobs.cancel(ended)
+    assert jobs.places() == {urgent: 1, first: 2, second: 3, last: 4}
+
+
 def test_an_idempotency_key_creates_one_job(jobs: Jobs) -> None:
     def create_with(key: str, digest: str) -> tuple[str, bool, bool]:
         made = jobs.create(

@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from itertools import count
+from typing import NamedTuple
 
 import pytest
 import redis
@@ -19,7 +20,7 @@ from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands import slices as commands
-from plateau.farm.redis.commands.jobs import Block, End, Pause, Reprioritise, Resume
+from plateau.farm.redis.commands.jobs import End, Pause, Reprioritise, Resume
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts, library
@@ -46,6 +47,16 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[redis.Redis]:
     yield client
     client.close()
     server.stop()
+
+
+class Found(NamedTuple):
+    """A job that waits."""
+
+    queue: tuple[str, str]  #: its variant and its need
+    owner: str
+    group: object  #: its batch, or itself
+    number: int
+    id: str
 
 
 class History:
@@ -75,11 +86,10 @@ class History:
         spec = JobSpec(
             priority=a % 3 - 1,
             batch=(None, "one", "two:auto 0", None)[b % 4],
-            variant=("auto", "auto", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
+            variant=("auto", "scalar_rgb", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
             slice_spp=(25, 100)[b // 4 % 2],
             pool=("default", "default", "far")[a // 36 % 3],
-            requires=((), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 4],
-            blocked=((), (), ("cpu",), ("cpu", "gpu"))[b // 32 % 4],
+            requires=((), (), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 5],
         )
         owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
         job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
@@ -87,6 +97,8 @@ class History:
         assert owned is not None
         self.made.append((owned, spec))
         self.plan(-1, b % 3)
+        for worker in ((), (), ("cpu",), ("cpu", "gpu"))[b // 32 % 4]:
+            self.left_out(worker, job.id)
 
     def plan(self, a: int, b: int) -> None:
         if self.made:
@@ -113,13 +125,17 @@ class History:
                 End(job=owned.job_id, target="cancelled", ended_by="person", reason="cancelled")
             )
 
-    def block(self, a: int, b: int) -> None:
-        """Block a worker for a job, or let it render the job again."""
-        if self.made:
-            owned, _ = self.made[a % len(self.made)]
-            worker = sorted(WORKERS)[b % len(WORKERS)]
-            blocks = Block(job=owned.job_id, worker=worker, blocks=b // 4 % 2 == 0, most=16)
-            Scripts(self.client).run(blocks)
+    def leave_out(self, a: int, b: int) -> None:
+        """A worker is left out of a job, or has been left out of all for long enough."""
+        worker = sorted(WORKERS)[a % len(WORKERS)]
+        if b % 4 == 0:
+            self.client.hdel(keys.worker(worker), "left_out")
+        elif self.made:
+            self.left_out(worker, self.made[b % len(self.made)][0].job_id)
+
+    def left_out(self, worker: str, job_id: str) -> None:
+        had = self.client.hget(keys.worker(worker), "left_out") or ""
+        self.client.hset(keys.worker(worker), "left_out", f"{had} {job_id} {LONG_TO_COME}")
 
     # Slices
 
@@ -219,7 +235,9 @@ class History:
             return
         worker, held = self.leases.pop(a % len(self.leases))
         if b % 4 < 2:
-            self.queues[worker].hand_back(held, 1.0, cause="draining", unfit=b % 2 == 1)
+            self.queues[worker].hand_back(
+                held, 1.0, cause="draining", unfit=b % 2 == 1, leaves_out=b % 8 >= 4
+            )
         elif b % 4 == 2:
             self.queues[worker].died(held, "a crash", 1.0)
         elif b % 16 == 3:
@@ -242,7 +260,9 @@ class History:
     def renew(self, a: int, b: int) -> None:
         worker = sorted(WORKERS)[a % len(WORKERS)]
         held = tuple(lease for holder, lease in self.leases if holder == worker)
-        self.queues[worker].heartbeat({}, held[: 1 + b % 3])
+        kind = WORKERS[worker]
+        about = {"variants": kind.variants, "pool": kind.pool, "tags": kind.tags}
+        self.queues[worker].heartbeat(about, held[: 1 + b % 3])
 
     def reject(self, a: int, b: int) -> None:
         if not self.made:
@@ -257,10 +277,13 @@ def scan(client: redis.Redis, kind: Kind, worker: str, loaded: str, *, in_turn: 
     """The job that the next slice is of, by looking at every open one, its stream included."""
     of_owner: dict[str, int] = defaultdict(int)
     in_group: dict[object, int] = defaultdict(int)
+    left_out = left_out_of(client, worker)
     priority, found = None, []
     for job_id, at in client.zrevrange(keys.OPEN, 0, -1, withscores=True):
-        if found and at != priority:
-            break
+        if at != priority:
+            if any(one.id not in left_out for one in found):
+                break
+            priority, found = at, []
         job = client.hgetall(keys.job(job_id))
         slices, owner = keys.job(job_id, "slices"), job.get("party", "")
         group = (owner, job["batch"]) if job["batch"] else job_id
@@ -269,20 +292,38 @@ def scan(client: redis.Redis, kind: Kind, worker: str, loaded: str, *, in_turn: 
         in_group[group] += len(pending) * int(job["slice_spp"])
         stale = [one for one in pending if one["time_since_delivered"] >= LEASE_S * 1000]
         if (
-            suits(kind, worker, job)
+            suits(kind, job)
             and job["state"] in {JobState.QUEUED, JobState.RENDERING}
             and "held" not in job
             and (stale or int(job["ready"]) > 0)
         ):
-            priority = at
-            found.append((owner, group, int(job["number"]), job_id))
-    if in_turn and any(job_id == loaded for *_, job_id in found):
+            queue = (job.get("variant", job["asked_variant"]), job["need"])
+            found.append(Found(queue, owner, group, int(job["number"]), job_id))
+    if in_turn and loaded not in left_out and any(one.id == loaded for one in found):
         return loaded
-    found.sort(key=lambda one: (of_owner[one[0]], in_group[one[1]], one[2]))
-    return found[0][3] if found else None
+
+    # The first owner, group and job, by the first jobs of each in their queue; a worker that is
+    # left out of that job takes the next of the same owner.
+    of_queue: dict[object, tuple[int, int]] = {}
+    for one in sorted(found, key=lambda one: (in_group[one.group], one.number)):
+        for part in ((one.queue, "owner", one.owner), (one.queue, "group", one.group)):
+            of_queue.setdefault(part, (in_group[one.group], one.number))
+    found.sort(
+        key=lambda one: (
+            of_owner[one.owner],
+            of_queue[one.queue, "owner", one.owner],
+            of_queue[one.queue, "group", one.group],
+            one.number,
+        )
+    )
+    return next((one.id for one in found if one.id not in left_out), None)
 
 
-def suits(kind: Kind, worker: str, job: dict[str, str]) -> bool:
+def left_out_of(client: redis.Redis, worker: str) -> set[str]:
+    return set((client.hget(keys.worker(worker), "left_out") or "").split()[::2])
+
+
+def suits(kind: Kind, job: dict[str, str]) -> bool:
     spec, wanted = (
         JobSpec.model_validate_json(job["spec"]),
         job.get("variant", job["asked_variant"]),
@@ -291,17 +332,17 @@ def suits(kind: Kind, worker: str, job: dict[str, str]) -> bool:
         (wanted == "auto" or wanted in kind.variants)
         and spec.pool == kind.pool
         and all(tag in kind.tags for tag in spec.requires)
-        and worker not in job.get("blocked", ",".join(spec.blocked)).split(",")
     )
 
 
 def late_slices(client: redis.Redis, kind: Kind, worker: str, dawdling: set[str]) -> dict[str, int]:
     """Of each of these jobs that this worker may help, the slice that holds it up."""
     found = {}
-    for job_id in dawdling.intersection(client.zrange(keys.OPEN, 0, -1)):
+    mine = dawdling - left_out_of(client, worker)
+    for job_id in mine.intersection(client.zrange(keys.OPEN, 0, -1)):
         job, slices = client.hgetall(keys.job(job_id)), keys.job(job_id, "slices")
         waits = int(job["ready"]) - int(job["planned"]) + int(job["issued"])
-        if job["state"] != JobState.RENDERING or not suits(kind, worker, job) or waits:
+        if job["state"] != JobState.RENDERING or not suits(kind, job) or waits:
             continue
         pending = client.xpending_range(slices, keys.GROUP, "-", "+", 1000)
         if any(one["time_since_delivered"] >= LEASE_S * 1000 for one in pending):
@@ -358,7 +399,7 @@ def note_what_ran_out(client: redis.Redis) -> None:
 
 NUMBERS = st.integers(0, 2**16)
 KINDS = [
-    *("create", "plan", "steer", "block", "commit", "give_up"),
+    *("create", "plan", "steer", "leave_out", "commit", "give_up"),
     *("run_out", "renew", "reject", "dawdle"),
 ]
 HISTORIES = st.lists(

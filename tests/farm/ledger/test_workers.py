@@ -5,14 +5,10 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import WorkerNotFound
-from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from tests.support.farms.noise_farm import NoiseFarm
-from tests.support.farms.staged_job import StagedJob
 
 
 @pytest.fixture
@@ -69,48 +65,6 @@ def test_others_go_on(farm: NoiseFarm, client: redis.Redis) -> None:
     farm.submit()
     with farm.monitor():
         farm.render(2)
-
-
-def test_what_a_job_saved_is_shared_out_by_samples(client: redis.Redis) -> None:
-    # Given a job of 1000 spp at most, of which one worker rendered three times as much as the other
-    job = StagedJob(client, max_spp=1000)
-    for worker in ("worker-1", "worker-2"):
-        SliceQueue(client, worker, 60).heartbeat(about(worker), ())
-    job.commit(3)
-    job.commit(worker="worker-2")
-    # Then neither has saved anything before it converges
-    jobs = Jobs(client)
-    assert [one.saved_core_hours for one in jobs.workers()] == [0, 0]
-    job.point(100, 0)
-    job.end()
-    saved = {one.id: one.saved_core_hours for one in jobs.workers()}
-    whole = jobs.get(job.id).saved_core_hours
-    assert whole == pytest.approx(9 * jobs.get(job.id).core_hours)
-    assert saved == {
-        "worker-1": pytest.approx(whole * 3 / 4, abs=1e-6),
-        "worker-2": pytest.approx(whole / 4, abs=1e-6),
-    }
-    # And a heartbeat does not forget it
-    SliceQueue(client, "worker-1", 60).heartbeat(about("worker-1"), ())
-    assert {one.id: one.saved_core_hours for one in jobs.workers()} == saved
-
-
-def test_a_job_that_does_not_converge_and_a_worker_that_left_have_no_share(
-    client: redis.Redis,
-) -> None:
-    here = SliceQueue(client, "worker-1", 60)
-    here.heartbeat(about("worker-1"), ())
-    for state in (JobState.EXHAUSTED, JobState.CONVERGED):
-        job = StagedJob(client, max_spp=1000)
-        job.commit(4)
-        job.point(100, 0)
-        if state is JobState.CONVERGED:
-            here.leave()
-        job.end(state)
-        assert not client.exists(keys.job(job.id, "shares"))
-    assert Jobs(client).workers() == []
-    here.heartbeat(about("worker-1"), ())
-    assert [one.saved_core_hours for one in Jobs(client).workers()] == [0]
 
 
 @pytest.mark.parametrize("steer", [Workers.drain, Workers.resume])

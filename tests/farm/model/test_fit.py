@@ -8,10 +8,9 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model.errors import JobEnded, JobNotFound, TooManyBlocked, TooManyNeeds
-from plateau.farm.model.fit import Kind, waits_for
+from plateau.farm.model.errors import TooManyNeeds
+from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
-from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
@@ -30,8 +29,9 @@ class Farm:
         self.jobs = Jobs(client)
         self.workers = Workers(client)
 
-    def job(self, **spec: object) -> Job:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+    def job(self, owner: str = "", **spec: object) -> Job:
+        made = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00", owner=owner)
+        job = made.job
         owners = Ownerships(self.client, lease_s=60)
         owned = owners.acquire(job.id)
         assert owned is not None
@@ -51,7 +51,21 @@ class Farm:
         self.queue(name).heartbeat(about, ())
 
     def words(self, job: Job) -> str | None:
-        return waits_for(self.jobs.get(job.id), self.jobs.kinds(), self.jobs.workers())
+        return waits_for(self.jobs.get(job.id), Crew(self.jobs.workers()))
+
+    def dies(self, name: str, job: Job, *tags: str) -> None:
+        """A slice of the job dies on this worker."""
+        queue = self.queue(name, *tags)
+        lease = queue.lease(LLVM, job.id, in_turn=True)
+        assert lease is not None
+        assert lease.job_id == job.id
+        assert queue.died(lease, "a crash", 1.0) == "put back"
+
+    def relents(self, name: str) -> None:
+        """Time passes, for which the worker was left out of jobs."""
+        left_out = self.client.hget(keys.worker(name), "left_out").split()
+        left_out[1::2] = "1" * len(left_out[::2])
+        self.client.hset(keys.worker(name), "left_out", " ".join(left_out))
 
 
 @pytest.fixture
@@ -98,78 +112,87 @@ class TestALease:
         assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"gpu"}
 
 
-class TestBlocked:
-    """A worker that is blocked for a job leaves its slices to others."""
+class TestLeftOut:
+    """A worker on which a slice of a job dies leaves its slices to others for a while."""
 
-    @pytest.mark.parametrize("name", ["vm-23618-bc86", "vm"])
-    def test_it_gets_other_jobs_until_it_may_render_it_again(self, farm: Farm, name: str) -> None:
-        def given(worker: str) -> str:
-            lease = farm.queue(worker).lease(LLVM, None, in_turn=False)
+    def test_it_gets_other_jobs_meanwhile(self, farm: Farm) -> None:
+        def given(worker: str, loaded: str | None = None) -> str:
+            lease = farm.queue(worker).lease(LLVM, loaded, in_turn=loaded is not None)
             return "" if lease is None else lease.job_id
 
+        for name in ("west", "east"):
+            farm.lives(name)
         first, second = farm.job(priority=5), farm.job()
-        for _ in range(2):  # repeating it is harmless
-            assert farm.jobs.block(first.id, name).spec.blocked == (name,)
-        assert given("vm-23618-bc86") == second.id
-        assert given("vm2-1-aaaa") == first.id
-        # One whose scene it has loaded, too
-        worker = farm.queue("vm-23618-bc86")
-        lease = worker.lease(LLVM, first.id, in_turn=True)
-        assert lease is not None
-        assert lease.job_id == second.id
-        for _ in range(2):
-            assert farm.jobs.block(first.id, name, undo=True).spec.blocked == ()
-        assert given("vm-23618-bc86") == first.id
+        farm.dies("west", first)
+        # Also where it has loaded the job's scene
+        assert given("west") == given("west", first.id) == second.id
+        assert given("east") == first.id
+        farm.relents("west")
+        assert given("west") == first.id
+
+    def test_it_gets_those_behind_it_in_the_same_queue(self, farm: Farm) -> None:
+        def given_without(*jobs: Job) -> str:
+            left_out = " ".join(f"{job.id} 9000000000000" for job in jobs)
+            farm.client.hset(keys.worker("w"), "left_out", left_out)
+            return farm.given()
+
+        first, second = (farm.job(batch="walk", variant="scalar_rgb") for _ in range(2))
+        alone = farm.job(variant="scalar_rgb")
+        others = farm.job(variant="scalar_rgb", owner="0123456789ab")
+        # One of the same batch, one without a batch, and one of another key
+        assert given_without(first, others) == second.id
+        assert given_without(first, alone, others) == second.id
+        assert given_without(first, second, others) == alone.id
+        assert given_without(first, second, alone) == others.id
+        assert given_without(first, second, alone, others) == ""
 
     def test_it_is_not_woken_and_others_are(self, farm: Farm) -> None:
         stop, wakes = Stop(), {}
-        for name in ("one-1-aa", "one-2-bb", "two-1-cc"):
+        for name in ("one", "two"):
+            farm.lives(name)
+        job = farm.job()
+        farm.dies("one", job)
+        farm.jobs.pause(job.id)
+        for name in ("one", "two"):
             wakes[name] = Wake(farm.client, keys.wake_worker(name))
             wakes[name].wait(0.0, stop)
             assert farm.queue(name).lease(LLVM, None, in_turn=False) is None
-        farm.job(blocked=("one",))
-        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"two-1-cc"}
-        # They are still idle, and woken for another job
+        farm.jobs.resume(job.id)
+        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"two"}
+        # It is still idle, and woken for another job
         farm.job()
-        woken = {name for name, wake in wakes.items() if wake.wait(0.05, stop)}
-        assert {"one-1-aa", "one-2-bb"} <= woken
+        assert wakes["one"].wait(0.05, stop)
 
-    def test_a_job_whose_workers_are_all_blocked_says_so(self, farm: Farm) -> None:
+    @pytest.mark.parametrize("other", ["nobody", "drained", "in trouble", "unfit", "left out"])
+    def test_not_where_no_other_can_render_the_job(self, farm: Farm, other: str) -> None:
+        farm.lives("one", "gpu")
+        job = farm.job(requires=("gpu",))
+        if other != "nobody":
+            tags = () if other == "unfit" else ("gpu",)
+            farm.lives("two", *tags, trouble="no disk" if other == "in trouble" else None)
+        if other == "drained":
+            farm.workers.drain("two")
+        if other == "left out":
+            farm.dies("two", job, "gpu")
+        farm.dies("one", job, "gpu")
+        left_out = {one.id: one.left_out_of for one in farm.jobs.workers()}
+        assert left_out["one"] == ()
+        assert farm.queue("one", "gpu").lease(LLVM, None, in_turn=False) is not None
+
+    def test_a_job_of_which_all_workers_are_left_out_says_so(self, farm: Farm) -> None:
         job = farm.job(requires=("gpu",))
         farm.lives("west", "gpu")
-        farm.jobs.block(job.id, "west")
-        words = "waits for a worker with tags gpu that is not blocked for it: there is none that "
-        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (words + "takes work", 1)
-        # Its slices are demand for workers with its tags, whatever they are called
-        assert farm.jobs.census().demand_for(tags=["gpu"]).waiting == 4
-        assert farm.jobs.census().demand_for(tags=[]).waiting == 0
+        lease = farm.queue("west", "gpu").lease(LLVM, None, in_turn=False)
+        farm.queue("west").hand_back(lease, cause="its files differ", leaves_out=True)
+        words = "waits for a worker with tags gpu that is not left out of it: there is none that "
+        assert (farm.words(job), farm.jobs.census().unserved) == (words + "takes work", (job.id,))
         farm.lives("east", "gpu")
-        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (None, 0)
-        # And a worker says for which jobs it is blocked
-        alive = {one.id: one.blocked_for for one in farm.workers.with_blocks(farm.jobs.workers())}
-        assert alive == {"west": (job.id,), "east": ()}
-
-    def test_a_limited_number_and_only_until_the_end(self, farm: Farm) -> None:
-        job = farm.job(blocked=tuple(f"w{n}" for n in range(MOST_BLOCKED)))
-        with pytest.raises(TooManyBlocked, match="16 workers are blocked for job"):
-            farm.jobs.block(job.id, "another")
-        farm.jobs.block(job.id, "w3", undo=True)
-        farm.jobs.block(job.id, "another")
-        farm.jobs.cancel(job.id)
-        with pytest.raises(JobEnded):
-            farm.jobs.block(job.id, "w4")
-        with pytest.raises(JobNotFound):
-            farm.jobs.block("0" * 12, "w4")
-        assert farm.client.hlen(keys.NEEDS) == 0
-
-    def test_blocks_count_among_the_different_needs(self, farm: Farm) -> None:
-        first, job = farm.job(), farm.job()
-        for number in range(1, keys.MOST_NEEDS):
-            farm.job(pool=f"p{number}")
-        with pytest.raises(TooManyNeeds, match="64 different"):
-            farm.jobs.block(job.id, "w")
-        farm.jobs.cancel(first.id)
-        farm.jobs.cancel(job.id)
+        assert (farm.words(job), farm.jobs.census().unserved) == (None, ())
+        # And a worker says of which jobs it is left out
+        left_out = {one.id: one.left_out_of for one in farm.jobs.workers()}
+        assert left_out == {"west": (job.id,), "east": ()}
+        farm.relents("west")
+        assert {one.left_out_of for one in farm.jobs.workers()} == {()}
 
 
 class TestWords:
@@ -181,10 +204,10 @@ class TestWords:
         assert farm.words(job) == (
             "waits for a worker with tags gpu, highmem: there is none that takes work"
         )
-        assert farm.jobs.census().jobs_unserved == 1
+        assert farm.jobs.census().unserved == (job.id,)
         farm.lives("large", "highmem", "gpu", "fast")
         assert farm.words(job) is None
-        assert farm.jobs.census().jobs_unserved == 0
+        assert farm.jobs.census().unserved == ()
 
     def test_a_variant_and_a_pool(self, farm: Farm) -> None:
         job = farm.job(variant="cuda_ad_rgb", pool="night")
@@ -201,7 +224,7 @@ class TestWords:
         job = farm.job()
         farm.jobs.cancel(job.id)
         assert farm.words(job) is None
-        assert farm.jobs.census().jobs_unserved == 0
+        assert farm.jobs.census().unserved == ()
 
     @pytest.mark.parametrize("trouble", ["the disk is full", None])
     def test_who_takes_no_work_does_not_count(self, farm: Farm, trouble: str | None) -> None:
@@ -209,8 +232,6 @@ class TestWords:
         farm.lives("w", trouble=trouble)
         if trouble is None:
             Workers(farm.client).drain("w")
-            farm.client.delete(keys.KINDS)  # as if the last heartbeat were long ago
-            farm.lives("w")
         assert farm.words(job) is not None
 
 
@@ -239,10 +260,6 @@ class TestNames:
         batch = BatchSpec(pool="night", requires=("gpu",), parameters=({"a": 1}, {"a": 2}))
         jobs = batch.job_specs("b")
         assert [(job.pool, job.requires) for job in jobs] == [("night", ("gpu",))] * 2
-
-    def test_a_kind_reads_what_it_writes(self) -> None:
-        for kind in (Kind(LLVM, "night", ("a", "b")), Kind((), "default", ())):
-            assert Kind.read(kind.text) == kind
 
 
 def test_open_jobs_need_a_limited_number_of_different_things(farm: Farm) -> None:

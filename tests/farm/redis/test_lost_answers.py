@@ -20,7 +20,7 @@ from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.redis.lost_answers import CASES, NOTICE, REPEATS_DIFFER, World, written_by
 
 #: Commands that only read.
-_READ: Final = {"batches", "budget_used", "census"}
+_READ: Final = {"batches", "census"}
 
 #: What differs by the time that passes between two looks.
 _CLOCKS: Final = {"seen_at", "at", "swept at"}
@@ -28,7 +28,6 @@ _SCORED_BY_TIME: Final = {
     keys.WORKERS,
     keys.MONITORS,
     keys.LEASES,
-    keys.KINDS,
     keys.SCENES_USED,
     keys.NOTICES,
 }

@@ -55,14 +55,7 @@ def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
     expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
     expect(why(page)).to_have_count(0)
     old, new = farm.jobs.get(poisoned), farm.jobs.get(page.url.rpartition("/")[2])
-    blocked = old.spec.model_copy(update={"blocked": ("east", "west")})
-    assert (new.state, new.spec, new.scene_sha256) == (JobState.QUEUED, blocked, old.scene_sha256)
-    # It says who must not render it, and lets one of them
-    who = page.locator(".blocked")
-    expect(who).to_have_text("Blocked for it: east Unblock, west Unblock")
-    page.get_by_role("button", name="Unblock east").click()
-    expect(who).to_have_text("Blocked for it: west Unblock")
-    assert farm.jobs.get(new.id).spec.blocked == ("west",)
+    assert (new.state, new.spec, new.scene_sha256) == (JobState.QUEUED, old.spec, old.scene_sha256)
 
 
 def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(

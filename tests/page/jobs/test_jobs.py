@@ -7,9 +7,7 @@ from playwright.sync_api import Locator, Page, Request, expect
 from typer.testing import CliRunner
 
 from plateau.cli import app
-from plateau.farm.ledger import starts
 from plateau.farm.model.states import JobState
-from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -53,24 +51,20 @@ def test_a_job_is_followed_from_its_queue_to_its_end(visit: Visit, farm: NoiseFa
     expect(row(page, job.id)).to_be_visible()
 
 
-def test_a_queued_job_says_when_it_will_start(
+def test_a_queued_job_says_its_place(
     visit: Visit, farm: NoiseFarm, url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PLATEAU_URL", url)
-    monkeypatch.setattr(starts, "ALIVE_S", 600.0)  # no other heartbeat comes
-    farm.queue.heartbeat({**about("noise"), "variants": (farm.variant,)}, ())
-    first, second = (farm.submit("box", max_spp=1000, slice_spp=10) for _ in range(2))
-    visitor = visit()
-    page = visitor.page
-    expect(row(page, first.id)).to_contain_text("starts any moment")
-    # When the first turn of the worker ends
-    words = "starts in at most about 20 s"
+    first, second = (farm.submit("box") for _ in range(2))
+    page = visit().page
+    expect(row(page, first.id)).to_contain_text("place 1 in the queue")
+    words = "place 2 in the queue"
     expect(row(page, second.id)).to_contain_text(words)
     page.goto(f"/jobs/{second.id}")
     expect(page.locator(".summary").first).to_contain_text(words)
     assert words in CliRunner().invoke(app, ["show", second.id]).stdout
     listed = CliRunner().invoke(app, ["list"]).stdout.splitlines()
-    assert [line.split("\t")[5] for line in listed] == [words, "starts any moment"]
+    assert [line.split("\t")[5] for line in listed] == [words, "place 1 in the queue"]
 
 
 def test_rows_of_one_scene_are_told_apart(visit: Visit, farm: NoiseFarm) -> None:

@@ -102,19 +102,14 @@ def test_a_worker_is_drained_and_takes_slices_again(plateau: Client, client: red
         plateau.drain("another")
 
 
-def test_a_worker_is_blocked_for_a_job_and_the_one_that_renders_it_again(
-    plateau: Client, client: redis.Redis
-) -> None:
+def test_a_job_is_rendered_again_by_part_of_its_id(plateau: Client, client: redis.Redis) -> None:
     job = plateau.submit("scenes:box").id
-    assert plateau.block(job, "vm-1").spec.blocked == ("vm-1",)
-    assert plateau.block(job[:5], "vm-2").spec.blocked == ("vm-1", "vm-2")
-    assert plateau.unblock(job, "vm-1").spec.blocked == ("vm-2",)
     with pytest.raises(ApiError, match="rendered again"):
         plateau.again(job)
     plateau.cancel(job)
     other = StagedJob(client).id
     again = plateau.again(job, idempotency_key="k", after=[other[:5]])
-    assert (again.spec.blocked, again.spec.after) == (("vm-2",), (other,))
+    assert again.spec.after == (other,)
     assert again.again.of == job
     assert plateau.again(job, idempotency_key="k", after=[other]).id == again.id
 

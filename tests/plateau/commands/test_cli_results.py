@@ -19,9 +19,9 @@ from plateau.commands.farm import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.wire.job_text import share_of
-from plateau.farm.wire.views import WorkerView
 from plateau.service.api.process import listen
 from tests.farm.ledger.test_workers import about
 from tests.support.farms.staged_job import StagedJob
@@ -196,24 +196,9 @@ class TestFarm:
         code, _, err = plateau("drain", "w-2")
         assert (code, "there is no worker 'w-2'" in err) == (1, True)
 
-    def test_a_worker_is_blocked_for_a_job(self, job: StagedJob) -> None:
-        blocked = "that is not blocked for it: there is none that takes work"
-        at = ("--job", job.id)
-        code, out, err = plateau("block", "w-1", *at)
-        assert (code, out, blocked in err) == (0, f"{job.id} w-1 blocked\n", True)
-        assert json.loads(plateau("block", "w-2", *at, "--json")[1])["spec"]["blocked"] == [
-            "w-1",
-            "w-2",
-        ]
-        assert "blocked:    w-1, w-2" in plateau("show", job.id)[1]
-        plateau("block", "w-1", *at, "--undo")
-        assert plateau("block", "w-2", *at, "--undo")[1] == f"{job.id} no worker blocked\n"
-        code, _, err = plateau("block", "a,b", *at)
-        assert (code, "worker: must be" in err) == (1, True)
-
     def test_a_worker_is_a_row(self) -> None:
         now = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
-        worker = WorkerView(
+        worker = Worker(
             id="vm-1-a",
             host="vm",
             pid=1,
@@ -237,8 +222,6 @@ class TestFarm:
                 "temperature_c": 71.5,
             },
             core_hours=0.25,
-            saved_core_hours=1.5,
-            cost={"amount": 0.01, "saved": 0.06, "currency": "EUR"},
         )
         shown = dict(zip(WORKER_COLUMNS, worker_row(worker, now), strict=True))
         assert shown == {
@@ -254,8 +237,7 @@ class TestFarm:
             "memory": "9.1 of 33.6 GB",
             "disk free": "812.0 MB",
             "°C": "72",
-            "cost": "0.25 core hours (0.01 EUR)",
-            "saved": "1.5 core hours (0.06 EUR)",
+            "core hours": "0.25",
             "up": "1 h 00 min",
             "version": "0.1.0",
             "trouble": "slice 3: SIGSEGV",

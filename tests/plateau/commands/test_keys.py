@@ -96,8 +96,6 @@ class TestTheCommands:
             "burst": 9,
             "upload_bytes": 2**29,
             "open_jobs": 10_000,
-            "jobs_at_once": None,
-            "core_hours_per_week": None,
             "scenes_bytes": 50 * 2**30,
         }
 

@@ -52,11 +52,6 @@ def limited(**fields: object) -> Known:
     )
 
 
-def budgeted(**fields: object) -> Known:
-    """A job with a budget of core hours, which has nothing else to do."""
-    return known(job=made_job(has_budget=True), ledger=READ, sought_glimpse=True, **fields)
-
-
 #: A point of the curve at 100 spp, whose answer is known.
 POINT = known(merged=4, judged=4, saved=4, shown_spp=100, answer=NO_STOP)
 RECORDED = replace(POINT, recorded=True)
@@ -210,21 +205,6 @@ CASES: list[tuple[Known, steps.Step]] = [
         ),
     ),
     (replace(limited(), job=made_job(spec={"time_limit_s": 10}, started_at=None)), steps.Wait()),
-    (budgeted(), steps.ReadClock()),
-    (replace(budgeted(), job=made_job(has_budget=True, state=JobState.PAUSED)), steps.Wait()),
-    (budgeted(redis_s=5.0), steps.Wait()),
-    (
-        budgeted(redis_s=5.0, budget_used="its budget of 3 core hours"),
-        steps.EndJob(
-            JobState.CANCELLED,
-            "budget",
-            "its budget of 3 core hours is used up, before a slice of it was rendered",
-        ),
-    ),
-    (
-        budgeted(redis_s=5.0, budget_used="its budget of 3 core hours", merged=3, flaw=""),
-        steps.EndJob(JobState.EXHAUSTED, "budget", "reached its budget of 3 core hours at 75 spp"),
-    ),
     (
         replace(
             limited(redis_s=1015.0),

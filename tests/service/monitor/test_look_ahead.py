@@ -8,11 +8,12 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.fit import Crew
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.service.monitor.look_ahead import SPARE, Crew, LookAhead
+from plateau.service.monitor.look_ahead import SPARE, LookAhead, enough
 from tests.farm.ledger.test_workers import about
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -100,13 +101,14 @@ def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None
     crew = Crew(Jobs(client).workers())
     made = job()
 
-    def enough(**changes: object) -> int:
-        return crew.enough(made.model_copy(update={"spec": made.spec.model_copy(update=changes)}))
+    def ahead_of(**changes: object) -> int:
+        spec = made.spec.model_copy(update=changes)
+        return enough(crew.fitting(made.model_copy(update={"spec": spec})))
 
-    assert enough() == 5
-    assert enough(pool="night") == enough(pool="night", requires=("gpu",)) == 3
-    assert enough(requires=("gpu",)) == 3  # nobody, and yet the first that comes has work
-    assert enough(variant="cuda_ad_rgb") == 3
+    assert ahead_of() == 5
+    assert ahead_of(pool="night") == ahead_of(pool="night", requires=("gpu",)) == 3
+    assert ahead_of(requires=("gpu",)) == 3  # nobody, and yet the first that comes has work
+    assert ahead_of(variant="cuda_ad_rgb") == 3
 
 
 def test_few_workers_are_not_given_more_than_they_need() -> None:

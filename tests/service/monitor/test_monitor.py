@@ -176,25 +176,6 @@ def test_a_time_limit_from_the_submission_ends_a_job_that_nobody_renders(farm: N
     assert farm.jobs.get(patient.id).state is JobState.QUEUED
 
 
-def test_a_budget_ends_the_jobs_of_a_batch_with_what_they_have(farm: NoiseFarm) -> None:
-    # Given a budget of 15 ms on one core, where a slice takes 10
-    budget = {"batch": "walk", "budget_core_hours": 0.015 / 3600}
-    job = farm.submit(**QUICK, **budget)
-    with farm.monitor():
-        farm.render(2)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None)
-        done = farm.jobs.get(job.id)
-        assert done.state is JobState.EXHAUSTED
-        assert "reached its batch's budget of 4.16667e-06 core hours at " in done.reason
-        assert farm.picture(job, "image.png")
-        # A further job of the batch does not begin; one without a budget is left alone
-        apart, late = farm.submit(**QUICK, batch="walk"), farm.submit(**QUICK, **budget)
-        until(lambda: farm.jobs.get(late.id).finished_at is not None)
-    assert farm.jobs.get(late.id).state is JobState.CANCELLED
-    assert "is used up, before a slice of it was rendered" in farm.jobs.get(late.id).reason
-    assert not farm.jobs.get(apart.id).state.ended
-
-
 def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
     job = farm.submit(**QUICK)
     with farm.monitor():

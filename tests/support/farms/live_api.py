@@ -10,7 +10,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
-from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -33,7 +32,6 @@ def live_api(
     targets: Targets | None = None,
     placing: Placing | None = None,
     grace_s: int = 8,
-    price: Price | None = None,
 ) -> Iterator[str]:
     """The URL of an API over this Redis and this store; it is stopped on leaving.
 
@@ -51,7 +49,6 @@ def live_api(
         webhook_allow=webhook_allow,
         targets=targets,
         placing=placing,
-        price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")
     server = uvicorn.Server(config)

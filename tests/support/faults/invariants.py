@@ -31,7 +31,7 @@ KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "f
 #: Keys that Redis has where there is no job.
 _OF_THE_FARM = {
     *(keys.SCHEMA, keys.STORE, "plateau:created", keys.SCENES, keys.SCENES_USED, keys.SWEPT),
-    *(keys.HEARD, keys.GRACE, keys.TOTALS, keys.MONITORS, keys.KINDS),
+    *(keys.HEARD, keys.GRACE, keys.TOTALS, keys.MONITORS),
     *(keys.WORKERS, keys.API_KEYS, keys.API_KEYS_USED),
 }
 #: And those of a day, of an hour, and until somebody is woken.

@@ -226,6 +226,12 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.queue.died(lease, "killed by SIGSEGV", 0.5, "words")
 
 
+@case("hand_back: the worker does not see the scene's files")
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.hand_back(lease, 0.5, cause="files differ", leaves_out=True)
+
+
 @case("hand_back")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
@@ -304,8 +310,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("save: a frame waits for a look at its shot")
 def _(world: World) -> Callable[[], object]:
-    world.committed(batch="walk", at_once=1)
-    world.job(owned=False, batch="walk", at_once=1)
+    world.committed(batch="walk")
     waits = FrameWait(spp=50, stop=True, reason="levelled off", numbers={})
     return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT, waits)
 
@@ -460,12 +465,6 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
     return lambda: world.jobs.set_priority(job, 7)
-
-
-@case("block", lambda job: job.spec.blocked == ("w-1",))
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    return lambda: world.jobs.block(job, "w-1")
 
 
 @case("guard", lambda batch: batch.guard.guarded, answers_before=6)

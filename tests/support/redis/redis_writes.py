@@ -24,7 +24,16 @@ READS: Final = {
     *("ACL", "CONFIG", "INFO", "PING", "PUBSUB", "TIME"),
     *("EXISTS", "GET", "MGET", "HEXISTS", "HGET", "HGETALL", "HKEYS", "HMGET", "HVALS"),
     *("HLEN", "SCARD", "SISMEMBER", "SMEMBERS", "XRANGE", "XREAD", "XREVRANGE"),
-    *("ZCARD", "ZMSCORE", "ZRANGE", "ZRANGEBYSCORE", "ZREVRANGE", "ZREVRANGEBYSCORE", "ZSCORE"),
+    *(
+        "ZCARD",
+        "ZINTER",
+        "ZMSCORE",
+        "ZRANGE",
+        "ZRANGEBYSCORE",
+        "ZREVRANGE",
+        "ZREVRANGEBYSCORE",
+        "ZSCORE",
+    ),
 }
 #: And what one module alone may send: the script, the migrations that make what it guards, and
 #: what shortens a log.

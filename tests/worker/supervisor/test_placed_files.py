@@ -18,7 +18,6 @@ from plateau.farm.images.exr import decode_partial
 from plateau.farm.model.errors import FilesDiffer
 from plateau.farm.model.job import Job
 from plateau.farm.model.scene_roots import read_roots
-from plateau.farm.model.states import JobState
 from plateau.worker.supervisor.placed_files import PlacedFiles
 from plateau.worker.supervisor.scene_cache import SceneCache
 from tests.support.until import until
@@ -118,23 +117,13 @@ def test_a_worker_that_sees_another_file_does_not_render_it(studio: Studio, asse
             "this worker does not see the scene as it was submitted: {assets}/quad.ply has other "
             "content"
         )
-        # It is blocked for the job, and the job waits for another
-        found = studio.jobs.get(job.id)
-        assert (found.spec.blocked, found.state.ended) == ((other.id,), False)
+        # It is left out of the job, and the job waits for another
+        left_out = {one.id: one.left_out_of for one in studio.jobs.workers()}
+        assert (left_out[other.id], studio.jobs.get(job.id).state.ended) == ((job.id,), False)
         studio.next_worker_sees("same", QUAD)
         with studio.worker() as same:
             until(lambda: studio.jobs.ledger(job.id))
         assert studio.jobs.ledger(job.id)[0]["worker"] == same.id
-
-
-def test_the_job_fails_once_too_many_workers_see_others(studio: Studio, assets: Path) -> None:
-    blocked = [f"w{number}" for number in range(16)]
-    studio.next_worker_sees("other", QUAD + b"#")
-    job = studio.placed_job(bundled(assets), blocked=tuple(blocked))
-    with studio.worker():
-        until(lambda: studio.jobs.get(job.id).state is JobState.FAILED)
-    size = len(QUAD)
-    assert f"quad.ply has {size + 1} bytes, not {size}" in studio.jobs.get(job.id).reason
 
 
 def test_files_are_compared_before_each_load(store: Blobs, assets: Path, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 function for_farm.census(it)
   local jobs, demand, oldest = {queued = 0, rendering = 0, paused = 0}, {}, nil
   local least = it.least_priority
-  local classes = {}  -- jobs of each class that workers may render now
+  local kinds, unserved = Waiting.at_work(it.alive_ms), {}
 
   -- Add a job's slices, up to the end that its monitor expects, and one worker's time for them: by the mean
   -- of its slices so far; `unmeasured` are the slices of jobs without any.
@@ -23,7 +23,7 @@ function for_farm.census(it)
   for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have not ended, and a few more
     local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at', 'held',
                            'variant', 'asked_variant', 'committed', 'machine_ms', 'slice_spp',
-                           'expected_spp', 'continued_spp', 'need', 'awaits', 'turn')
+                           'expected_spp', 'continued_spp', 'need', 'awaits', 'number')
     local state = job[1]
     if state and jobs[state] then
       jobs[state] = jobs[state] + 1
@@ -35,13 +35,15 @@ function for_farm.census(it)
         end
         leased = pending[1] - put_back
       end
-      local may_be_rendered = state ~= 'paused' and not job[5] and not job[14] and not job[15]
+      local may_be_rendered = state ~= 'paused' and not job[5] and not job[14]
       if may_be_rendered then
         waiting = job[2] + put_back
         if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
       end
       local class = (job[6] or job[7] or 'auto') .. ' ' .. (job[13] or DEFAULT_POOL)
-      if may_be_rendered then classes[class] = (classes[class] or 0) + 1 end
+      if may_be_rendered and not Waiting.is_served(id, class, kinds) then
+        table.insert(unserved, {id = id, number = tonumber(job[15])})
+      end
       if not least or tonumber(redis.call('ZSCORE', OPEN, id) or least) >= least then
         demand[class] = demand[class] or {waiting = 0, leased = 0, left = 0, work_ms = 0, unmeasured = 0}
         add_work(demand[class], waiting, leased, unpack(job, 8, 12))
@@ -49,34 +51,16 @@ function for_farm.census(it)
     end
   end
 
-  local workers, kind_of = {idle = 0, rendering = 0, out_of_service = 0}, {}
+  local workers = {idle = 0, rendering = 0, out_of_service = 0}
   for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - it.alive_ms, '+inf')) do
     local about = cjson.decode(redis.call('HGET', worker_key(id), 'about') or '{}')
     local state = given(about.trouble) and 'out_of_service' or given(about.job) and 'rendering' or 'idle'
     workers[state] = workers[state] + 1
-    if not given(about.trouble) and redis.call('HEXISTS', worker_key(id), 'drained') == 0 then
-      kind_of[id] = Waiting.kind_of(about)
-    end
   end
 
-  -- Jobs without a suitable living worker that takes work.
-  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
-  local function is_served(class)
-    if string.find(class, '!', 1, true) then
-      for worker, kind in pairs(kind_of) do
-        if Waiting.variant_of(kind, class, worker) then return true end
-      end
-      return false
-    end
-    for _, kind in ipairs(kinds) do
-      if Waiting.variant_of(kind, class) then return true end
-    end
-    return false
-  end
-  local unserved = 0
-  for class, jobs_of_it in pairs(classes) do
-    if not is_served(class) then unserved = unserved + jobs_of_it end
-  end
+  -- Jobs without a suitable living worker that takes work, the oldest first.
+  table.sort(unserved, function(one, other) return one.number < other.number end)
+  for at, job in ipairs(unserved) do unserved[at] = job.id end
 
   local monitors, owned = 0, 0
   for _, id in ipairs(redis.call('ZRANGEBYSCORE', MONITORS, now(), '+inf')) do

@@ -42,7 +42,6 @@ for_farm['continue'] = function(it)
 
   New.remember_request(it.idempotency, it.digest, id)
   New.job(it.job, it.priority, 'goes on with job ' .. old)
-  Turn.take(id)
   redis.call('HINCRBY', job_key(old), 'continued', 1)
   redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', it.judged_spp, 'variant', before[3],
              'width', before[4], 'height', before[5], 'notes', before[6] or '[]',
@@ -122,17 +121,6 @@ function for_farm.resume(it)
   return {outcome = 'rendering'}
 end
 
--- Block a worker, or a machine, for a job that has not ended, or let it render the job again; the next lease
--- respects it.
--- Returns 'changed', also where it was so before; 'illegal' with the state; 'too many' with the number that
--- are blocked; or 'too varied' with the number of different needs of open jobs.
-function for_farm.block(it)
-  if not Job.is_open(it.job) then
-    return {outcome = 'illegal', state = redis.call('HGET', job_key(it.job), 'state') or 'missing'}
-  end
-  return Job.block(it.job, it.worker, it.blocks, it.most)
-end
-
 -- Change the priority of a job that has not ended; the next lease respects it.
 -- Returns 'changed', also where it had this priority before, or 'illegal' with the state.
 function for_farm.reprioritise(it)
@@ -143,9 +131,5 @@ function for_farm.reprioritise(it)
   redis.call('ZADD', OPEN, it.priority, id)
   changed[id] = true
   redis.call('HSET', job_key(id), 'priority', it.priority)
-  Turn.place(id)
   return {outcome = 'changed'}
 end
-
--- Return which of a job's budgets is used up, in words; '' if none is.
-function for_farm.budget_used(it) return Budget.used(it.job) end

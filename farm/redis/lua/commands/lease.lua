@@ -19,26 +19,28 @@ function for_workers.lease(it)
   end
   if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return {} end
 
+  local left_out, most = Waiting.left_out_of(worker), 0
+  for _ in pairs(left_out) do most = most + 1 end
+
   -- The next job, and the variant to render it with: at the highest priority with a job that this worker
   -- can render, the first entry of all queues, or the job that is loaded.
   local function next_job()
-    local its_queue = in_turn and string.match(redis.call('HGET', job_key(loaded), 'filed') or '',
-                                               '^%S* %d+ (.+)$')
-    local entry, fewest, variant, at
+    local its_queue = in_turn and not left_out[loaded]
+                      and string.match(redis.call('HGET', job_key(loaded), 'filed') or '', '^%S* %d+ (.+)$')
+    local id, entry, fewest, variant, at
     for _, queue in ipairs(redis.call('ZREVRANGE', WAITING, 0, -1)) do
       local priority, class = string.match(queue, '^(%S+) (.+)$')
       if at and priority ~= at then break end
-      local suits = Waiting.variant_of(kind, class, worker)
+      local suits = Waiting.variant_of(kind, class)
       if suits and queue == its_queue then return loaded, suits end
       if suits then
-        local first = redis.call('ZRANGE', Waiting.key(queue), 0, 0, 'WITHSCORES')
-        local leased = tonumber(first[2])
-        if not entry or leased < fewest or leased == fewest and first[1] < entry then
-          entry, fewest, variant, at = first[1], leased, suits, priority
+        local its_first, first, leased = Waiting.first(queue, left_out, most)
+        if its_first and (not id or leased < fewest or leased == fewest and first < entry) then
+          id, entry, fewest, variant, at = its_first, first, leased, suits, priority
         end
       end
     end
-    return entry and string.match(entry, '%S+$'), variant
+    return id, variant
   end
 
   -- The slice that holds up the job's image, if this worker may try it, too: its index, its note and the
@@ -72,8 +74,8 @@ function for_workers.lease(it)
     local jobs = redis.call('ZRANGE', LATE, 0, MOST_LATE - 1, 'WITHSCORES')
     for i = 1, #jobs, 2 do
       local id, class = string.match(jobs[i], '^(%S+) (.+)$')
-      if variants[class] == nil then variants[class] = Waiting.variant_of(kind, class, worker) or false end
-      local suits, wait_ms, slice = variants[class], jobs[i + 1] - at
+      if variants[class] == nil then variants[class] = Waiting.variant_of(kind, class) or false end
+      local suits, wait_ms, slice = not left_out[id] and variants[class], jobs[i + 1] - at
       if suits and wait_ms > 0 then return nil, nil, nil, math.min(soonest or wait_ms, wait_ms) end
       if suits then
         slice, wait_ms = late_slice(id)

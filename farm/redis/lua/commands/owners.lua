@@ -74,7 +74,7 @@ function for_farm.reject(it)
   redis.call('ZREM', job_key(id, 'seeds'), Slice.seeds(record))
   redis.call('HINCRBY', job, 'committed', -1)
   local film = redis.call('HMGET', job, 'width', 'height')
-  Slice.count_samples(id, -Slice.samples(id, index, record.spp, film[1], film[2]), record.worker)
+  Slice.count_samples(id, -Slice.samples(id, index, record.spp, film[1], film[2]))
   redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)
   redis.call('HINCRBY', job, 'ready', 1)
   local prefix = redis.call('HGET', job, 'prefix')
@@ -110,10 +110,7 @@ end
 function for_farm.save(it)
   if not Job.is_owned(it.job, it.token) then return 'fenced' end
   redis.call('HSET', job_key(it.job), 'checkpoint', it.checkpoint)
-  if it.waits then
-    redis.call('HSET', job_key(it.job), 'shot_waits', it.waits)
-    Turn.give_back(it.job)  -- to the frames that it waits for
-  end
+  if it.waits then redis.call('HSET', job_key(it.job), 'shot_waits', it.waits) end
   return 'saved'
 end
 

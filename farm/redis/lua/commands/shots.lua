@@ -16,7 +16,6 @@ function for_farm.answer_frames(it)
       else
         redis.call('HDEL', job_key(one.job), 'shot_waits')
       end
-      Turn.take(one.job)
       redis.call('PUBLISH', WAKE_MONITORS, one.job)
     end
   end

@@ -50,7 +50,7 @@ function for_workers.commit(it)
   count('tries committed')
   local samples = Slice.samples(id, index, record.spp, it.width, it.height)
   count('samples', samples)
-  Slice.count_samples(id, samples, worker)
+  Slice.count_samples(id, samples)
   if said ~= '' then Slice.note_try(id, index, worker, 'committed', '', machine_ms, said) end
   Outbox.announce(id, 'slice', {index = index, worker = worker, samples = samples})
   redis.call('PUBLISH', WAKE_MONITORS, id)
@@ -67,7 +67,8 @@ function for_workers.glimpse(it)
   return 'noted'
 end
 
--- A render child died on a slice. The slice goes back, or the job is poisoned.
+-- A render child died on a slice. The slice goes back, or the job is poisoned. The worker is left out of the
+-- job for a while, if another one that lives can render it.
 -- Returns 'put back', 'poisoned' or 'lost'.
 function for_workers.died(it)
   local held, tries = Slice.holds(it.job, it.entry, it.worker)
@@ -81,13 +82,16 @@ function for_workers.died(it)
     Slice.poison(it.job, it.index, causes)
     return 'poisoned'
   end
+  local others = Waiting.at_work(it.alive_ms)
+  others[it.worker] = nil
+  if Waiting.is_served(it.job, Waiting.class_of(it.job), others) then Waiting.leave_out(it.worker, it.job) end
   Slice.put_back(it.job, it.entry, tries)
   return 'put back'
 end
 
--- A worker that drains, cannot reach a store, or cannot render, gives its slice back. Where it alone cannot
--- render the job, it is blocked for it; the job fails where `most_blocked` others are blocked already.
--- Returns 'put back', 'failed' or 'lost'.
+-- A worker that drains, cannot reach a store, or cannot render, gives its slice back. Where it cannot render
+-- this job, it is left out of it for a while.
+-- Returns 'put back' or 'lost'.
 function for_workers.hand_back(it)
   local id = it.job
   local held, tries = Slice.holds(id, it.entry, it.worker)
@@ -95,11 +99,7 @@ function for_workers.hand_back(it)
     Slice.note_if_outrun(it)
     return 'lost'
   end
-  if it.most_blocked > 0 and Job.is_open(id)
-     and Job.block(id, it.worker, true, it.most_blocked).outcome ~= 'changed' then
-    it.reason = it.cause
-    return for_workers.fail(it)
-  end
+  if it.leaves_out then Waiting.leave_out(it.worker, id) end
   Job.spend(it)
   Slice.put_back(id, it.entry, tries - 1)
   Slice.note_try(id, it.index, it.worker, it.what, it.cause, it.machine_ms, it.said)

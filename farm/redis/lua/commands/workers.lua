@@ -9,12 +9,6 @@ function for_workers.heartbeat(it)
   redis.call('HSET', worker_key(worker), 'about', it.about, 'seen_at', now())
   redis.call('EXPIRE', worker_key(worker), 3600)
   redis.call('ZREMRANGEBYSCORE', WORKERS, '-inf', now() - 3600000)
-  local about = cjson.decode(it.about)
-  if not given(about.trouble) and redis.call('HEXISTS', worker_key(worker), 'drained') == 0 then
-    redis.call('ZADD', KINDS, now(), Waiting.kind_of(about))
-  end
-  redis.call('ZREMRANGEBYSCORE', KINDS, '-inf', now() - 3600000)
-  redis.call('EXPIRE', KINDS, 3600)
   for _, lease in ipairs(it.leases) do
     if Slice.holds(lease.job, lease.entry, worker) then
       redis.call('XCLAIM', job_key(lease.job, 'slices'), GROUP, worker, 0, lease.entry, 'JUSTID')

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from collections.abc import Iterator
 from datetime import date
 
 import httpx
@@ -12,29 +11,18 @@ from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.client import Client
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger import usage as ledger
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.wire.costs import Price
-from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
-from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 
 #: 2026-11-02 was a Monday: ISO week 45.
 _MONDAY_MS = 1_793_577_600_000
 _WEEK_MS = 7 * 86_400_000
 SLICE_H = 0.5 / 3600  # a staged slice takes one core half a second
-
-
-@pytest.fixture
-def priced(redis_url: str, api_store: Blobs) -> Iterator[str]:
-    with live_api(redis_url, api_store, price=Price(7200.0, "EUR")) as url:
-        yield url
 
 
 @pytest.fixture
@@ -94,86 +82,61 @@ def test_a_time_leaves_out_what_was_submitted_outside(
     ],
 )
 def test_what_cannot_be_asked_is_a_problem(http: httpx.Client, asked: dict, says: str) -> None:
-    for path in ("/v1/usage", "/v1/usage.csv"):
-        assert says in problem(http.get(path, params=asked), 422, "invalid-request")["detail"]
+    assert says in problem(http.get("/v1/usage", params=asked), 422, "invalid-request")["detail"]
 
 
-def test_without_a_price_there_is_no_money(http: httpx.Client, jobs: list[StagedJob]) -> None:
-    assert http.get(f"/v1/jobs/{jobs[0].id}").json()["cost"] is None
-    found = http.get("/v1/usage").json()
-    assert (found["core_hour_price"], found["currency"], found["total"]["cost"]) == (None,) * 3
-
-
-def test_a_price_shows_what_was_spent_and_saved(
-    priced: str, client: redis.Redis, jobs: list[StagedJob]
+def test_a_job_says_what_was_spent_and_saved(
+    http: httpx.Client, client: redis.Redis, jobs: list[StagedJob]
 ) -> None:
     jobs[2].end(JobState.CONVERGED)
-    job = httpx.get(f"{priced}/v1/jobs/{jobs[2].id}").json()
-    # One EUR a slice
-    assert job["cost"]["amount"] == pytest.approx(4, abs=1e-4)
+    job = http.get(f"/v1/jobs/{jobs[2].id}").json()
+    assert job["core_hours"] == pytest.approx(4 * SLICE_H, rel=1e-4)
     saved_slices = job["samples_saved"] / (WIDTH * HEIGHT * job["spec"]["slice_spp"])
-    assert job["cost"]["saved"] == pytest.approx(saved_slices, rel=1e-4)
+    assert job["saved_core_hours"] == pytest.approx(saved_slices * SLICE_H, rel=1e-4)
     assert saved_slices > 0
-    assert job["cost"]["currency"] == "EUR"
-    total = httpx.get(f"{priced}/v1/usage").json()["total"]
-    assert (total["jobs"], total["cost"]) == (3, pytest.approx(7, abs=1e-4))
+    total = http.get("/v1/usage").json()["total"]
+    assert (total["jobs"], total["core_hours"]) == (3, pytest.approx(7 * SLICE_H, abs=1e-5))
 
 
-def test_a_worker_says_what_it_has_cost_and_saved(priced: str, client: redis.Redis) -> None:
-    described = {**about("worker-1"), "core_hours": 0.5}
-    SliceQueue(client, "worker-1", 60).heartbeat(described, ())
-    job = StagedJob(client, max_spp=1000)
-    job.commit(4)
-    job.point(100, 0)
-    job.end()
-    [shown] = httpx.get(f"{priced}/v1/workers").json()["workers"]
-    saved = shown["saved_core_hours"]
-    assert saved > 0
-    assert shown["cost"] == {
-        "amount": 3600.0,
-        "saved": pytest.approx(7200 * saved),
-        "currency": "EUR",
-    }
+def csv_of(http: httpx.Client, by: str) -> list[dict[str, str]]:
+    answer = http.get("/v1/usage", params={"by": by}, headers={"Accept": "text/csv"})
+    assert answer.headers["Content-Type"].startswith("text/csv")
+    return list(csv.DictReader(answer.text.splitlines()))
 
 
-def test_csv_has_the_same_rows(priced: str, jobs: list[StagedJob]) -> None:
-    by_name = httpx.get(f"{priced}/v1/usage.csv", params={"by": "owner"})
-    accepted = httpx.get(
-        f"{priced}/v1/usage", params={"by": "owner"}, headers={"Accept": "text/csv"}
-    )
-    assert by_name.text == accepted.text
-    assert by_name.headers["Content-Type"].startswith("text/csv")
-    rows = list(csv.DictReader(by_name.text.splitlines()))
+def test_csv_has_the_same_rows(http: httpx.Client, jobs: list[StagedJob]) -> None:
+    rows = csv_of(http, "owner")
     assert [(row["key"], row["name"], row["jobs"]) for row in rows] == [
         ("k1", "anna", "1"),
         ("", "", "2"),
     ]
-    assert {row["currency"] for row in rows} == {"EUR"}
 
 
 def test_no_name_is_a_formula_of_a_spreadsheet(http: httpx.Client, client: redis.Redis) -> None:
     Jobs(client).create(JobSpec(), name="=1+1", scene_sha256="00")
-    [row] = csv.DictReader(http.get("/v1/usage.csv", params={"by": "job"}).text.splitlines())
+    [row] = csv_of(http, "job")
     assert row["name"] == "'=1+1"
 
 
-def test_the_client_asks_by_dates(priced: str, jobs: list[StagedJob]) -> None:
-    with Client(priced) as plateau:
+def test_the_client_asks_by_dates(session_api: str, jobs: list[StagedJob]) -> None:
+    with Client(session_api) as plateau:
         found = plateau.usage("batch", since=date(2026, 11, 1), until="2026-11-08")
         assert [(row.key, row.jobs) for row in found.rows] == [("walk", 2)]
         assert plateau.usage_csv("batch", limit=1).count("\n") == 2
 
 
-def test_the_command_line_prints_a_table_csv_or_json(priced: str, jobs: list[StagedJob]) -> None:
+def test_the_command_line_prints_a_table_csv_or_json(
+    session_api: str, jobs: list[StagedJob]
+) -> None:
     def plateau(*arguments: str) -> tuple[int, str, str]:
-        done = CliRunner().invoke(app, [*arguments, "--url", priced])
+        done = CliRunner().invoke(app, [*arguments, "--url", session_api])
         return done.exit_code, done.stdout, done.stderr
 
     code, out, err = plateau("usage", "--by", "batch", "--until", "2026-11-08")
-    assert (code, out.split("\t")[:5]) == (0, ["walk", "–", "2", "0.000417", "3 EUR"])
-    assert "2 jobs: 0.000417 core hours (3 EUR)" in err
+    assert (code, out.split("\t")[:4]) == (0, ["walk", "–", "2", "0.000417"])
+    assert "2 jobs: 0.000417 core hours" in err
     assert plateau("usage", "--csv")[1].startswith("key,name,jobs,")
-    assert json.loads(plateau("usage", "--json")[1])["currency"] == "EUR"
+    assert json.loads(plateau("usage", "--json")[1])["total"]["jobs"] == 3
     assert plateau("usage", "--csv", "--json")[0] == plateau("usage", "--by", "month")[0] == 2
     assert "until" in plateau("usage", "--since", "2026-11-02", "--until", "2026-11-01")[2]
-    assert "cost:       0.000139 core hours (1 EUR)" in plateau("show", jobs[0].id)[1]
+    assert "cost:       0.000139 core hours" in plateau("show", jobs[0].id)[1]

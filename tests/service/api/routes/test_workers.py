@@ -19,8 +19,6 @@ from plateau.service.api.access.key_guard import Access
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
-from tests.support.farms.receiver import SECRET
-from tests.support.until import until
 
 LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
 
@@ -111,26 +109,18 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
         lines = http.get("/metrics").text.splitlines()
         return next(line for line in lines if line.startswith("plateau_jobs_unserved"))
 
-    def starts(job: str) -> list[tuple[object, ...]]:
-        named, (listed, *_) = (
-            http.get(f"/v1/jobs/{job}").json(),
-            http.get("/v1/jobs").json()["jobs"],
-        )
-        return [
-            tuple(one[f"expected_start_{of}"] for of in ("s", "is_bound", "unknown"))
-            for one in (named, listed)
-        ]
+    def queued(job: str) -> list[tuple[int, int]]:
+        (listed,) = (one for one in http.get("/v1/jobs").json()["jobs"] if one["id"] == job)
+        named = http.get(f"/v1/jobs/{job}").json()
+        return [(one["queue_place"], one["fitting_workers"]) for one in (named, listed)]
 
     assert made.json()["waits_for"] == words
     assert (waits_for(), unserved()) == ({words}, "plateau_jobs_unserved 1.0")
-    assert starts(made.json()["id"]) == [(None, False, words)] * 2
+    assert queued(made.json()["id"]) == [(1, 0)] * 2
     fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
-    # It would start at once, and a further one when the turn of this one ends. What was read of the
-    # queue is used for some seconds, so that one of two answers may know the worker already.
-    until(lambda: starts(made.json()["id"]) == [(0.0, False, None)] * 2)
-    assert starts(submitted(http, asked["spec"])["id"]) == [(20.0, True, None)] * 2
+    assert queued(made.json()["id"]) == [(1, 1)] * 2
     (shown,) = http.get("/v1/workers").json()["workers"]
     assert {name: shown[name] for name in fits} == fits
 
@@ -140,36 +130,10 @@ def submitted(http: httpx.Client, spec: str = "{}") -> dict[str, Any]:
     return http.post("/v1/jobs", files=scene, data={"spec": spec}).json()
 
 
-def test_a_worker_is_blocked_for_a_job(http: httpx.Client, worker: str) -> None:
-    job = submitted(http)
-    path = f"{job['links']['self']}/blocked/{worker}"
-
-    def blocked() -> tuple[list[str], list[str]]:
-        shown = http.get(job["links"]["self"]).json()["spec"].get("blocked", [])
-        return shown, http.get("/v1/workers").json()["workers"][0]["blocked_for"]
-
-    answer = http.put(path)
-    words = "waits for a worker that is not blocked for it: there is none that takes work"
-    assert (answer.status_code, answer.json()["waits_for"]) == (202, words)
-    assert blocked() == ([worker], [job["id"]])
-    assert http.delete(path).json()["waits_for"] is None
-    assert blocked() == ([], [])
-    for name in ("a,b", "%20", "!", "x" * 101):
-        problem(http.put(f"{job['links']['self']}/blocked/{name}"), 422, "invalid-request")
-    for number in range(16):
-        assert http.put(f"{job['links']['self']}/blocked/w{number}").status_code == 202
-    problem(http.put(path), 409, "too-many-blocked")
-    http.post(job["links"]["cancel"])
-    problem(http.put(path), 409, "job-ended")
-    problem(http.put(f"/v1/jobs/{'0' * 12}/blocked/w"), 404, "unknown-job")
-
-
-def test_a_failed_job_is_rendered_again_on_other_workers(
+def test_a_worker_says_of_which_jobs_it_is_left_out(
     http: httpx.Client, client: redis.Redis, worker: str
 ) -> None:
-    notice = f'"notice": {{"url": "https://studio.example/a", "secret": "{SECRET}"}}'
-    job = submitted(http, f'{{"name": "kitchen", "seed": 3, "blocked": ["old"], {notice}}}')
-    problem(http.post(job["links"]["again"], json={}), 409, "job-not-ended")
+    job = submitted(http)
     owners = Ownerships(client, lease_s=60)
     owned = owners.acquire(job["id"])
     assert owned is not None
@@ -177,18 +141,12 @@ def test_a_failed_job_is_rendered_again_on_other_workers(
     queue = SliceQueue(client, worker, 60)
     lease = queue.lease(("scalar_rgb",), None, in_turn=False)
     assert lease is not None
-    queue.fail(lease, "no such driver")
-    headers = {"Idempotency-Key": "again"}
-    first, second = (http.post(job["links"]["again"], json={}, headers=headers) for _ in range(2))
-    again = first.json()
-    assert (first.status_code, first.headers["Location"]) == (201, f"/v1/jobs/{again['id']}")
-    assert (second.json()["id"], second.headers["Idempotency-Replayed"]) == (again["id"], "true")
-    assert (again["name"], again["spec"]["seed"], again["state"]) == ("kitchen", 3, "queued")
-    assert (again["spec"]["blocked"], again["spec"]["notice"]["url"]) == (["old", worker], None)
-    assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
-    assert again["again"] == {"of": job["id"], "kept_spp": 0, "why": "gone"}
-    unblocked = http.post(job["links"]["again"], json={"blocked": []}).json()
-    assert unblocked["spec"]["blocked"] == []
+    queue.hand_back(lease, cause="its files differ", leaves_out=True)
+    (shown,) = http.get("/v1/workers").json()["workers"]
+    assert shown["left_out_of"] == [job["id"]]
+    waits = http.get(job["links"]["self"]).json()
+    assert waits["waits_for"].startswith("waits for a worker that is not left out of it")
+    assert waits["fitting_workers"] == 0
 
 
 def test_a_job_waits_for_others(http: httpx.Client) -> None:
@@ -215,20 +173,6 @@ def test_a_job_waits_for_others(http: httpx.Client) -> None:
         "was cancelled, so nothing can come after it"
         in problem(answer, 422, "invalid-spec")["detail"]
     )
-
-
-def test_a_job_waits_for_its_turn(http: httpx.Client) -> None:
-    first, second = (submitted(http, '{"batch": "walk", "at_once": 1}') for _ in range(2))
-    words = "waits for its turn: of its batch, at most 1 may be rendered at once"
-    assert [(one["awaits_turn"], one["waits_for"]) for one in (first, second)] == [
-        (False, "waits for a worker: there is none that takes work"),
-        (True, words),
-    ]
-    scene = {"scene": ("a.xml", SCENE_XML)}
-    assert second["expected_start_unknown"] == words
-    for spec in ('{"at_once": 1}', '{"batch": "walk", "at_once": 0}'):
-        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
-        assert "at_once" in problem(answer, 422, "invalid-spec")["detail"]
 
 
 def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:

@@ -82,7 +82,6 @@ def test_each_trouble_is_told_once_until_it_is_over(
     lives(client, "noise-2", tags=("gpu",))
     teller.look()
     lives(client, "noise-2", tags=("gpu",), trouble="it has no variant")
-    client.delete(keys.KINDS)  # in which one that took work stays for a while
     teller.look()
     teller.look()
     told = "\n".join(texts(box)[1:])

@@ -192,8 +192,7 @@ def test_a_monitor_that_holds_a_frame_keeps_nothing_of_it_in_memory(farm: ShotFa
 
 
 def test_the_cap_ends_frames_of_a_shot_that_stays_short_of_its_target(farm: ShotFarm) -> None:
-    # One frame at once: those that wait give their turns to the others
-    farm.submit_shot(frames=3, max_spp=60, shot={"fps": 24, "target": 9.99}, at_once=1)
+    farm.submit_shot(frames=3, max_spp=60, shot={"fps": 24, "target": 9.99})
     done = farm.finish_shot()
     assert {job.state for job in done} == {JobState.EXHAUSTED}
     assert {job.spp for job in done} == {60}
