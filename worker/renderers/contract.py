@@ -18,6 +18,7 @@ and each answer is one object, whose ``"is"`` names its kind::
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}
     {"is": "disk-error", "message": …}
+    {"is": "failed", "message": …}
 
 The classes below say what each means. Pixels do not go through the socket: the child writes them
 into a file that it inherits too. A film lies there as height × width × channels values in float32,
@@ -35,7 +36,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, get_args
 
 from plateau.farm.model.renderers import variant_named
 
@@ -214,14 +215,19 @@ class DiskFull:
     message: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """The child ends, for a lack of memory or a fault that is not the scene's."""
+
+    kind: ClassVar = "failed"
+    message: str
+
+
 Request = Load | Render | Cancel
-Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull
+Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull | Failed
 
 _REQUESTS: Final = {one.kind: one for one in (Load, Render, Cancel)}
-_ANSWERS: Final = {
-    one.kind: one
-    for one in (Ready, Loaded, Working, FirstPass, SumDone, Stopped, SceneRefused, DiskFull)
-}
+_ANSWERS: Final = {one.kind: one for one in get_args(Answer)}
 
 
 def request_line(request: Request) -> str:

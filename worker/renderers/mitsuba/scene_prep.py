@@ -5,6 +5,7 @@ Part of the render child: imports Mitsuba.
 
 from __future__ import annotations
 
+import sys
 import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import SCALAR_BLOCK
+from plateau.worker.renderers.causes import first_words, without_folders
 from plateau.worker.renderers.contract import SceneError, check_aovs
 from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
 from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
@@ -110,31 +112,30 @@ def with_aovs(variant: str, one: PreparedScene, request: Load) -> PreparedScene:
 
 
 @contextmanager
-def scene_errors(folder: Path | None = None) -> Iterator[None]:
-    """Turn what Mitsuba raises into `SceneError`, save for a lack of memory, which passes.
+def scene_errors(*folders: Path) -> Iterator[None]:
+    """Turn what Mitsuba raises into `SceneError`, save for `MemoryError`, which passes.
 
     Whatever it is, the same scene would raise it again. Where Python code of Mitsuba's or of a
     plugin raises it, the traceback is printed for the slice's log, and the message is one line.
 
     Parameters
     ----------
-    folder : Path, optional
-        Where this machine keeps the scene; messages are told without it.
+    folders : Path
+        Where this machine keeps the scene; messages are told without them.
     """
     try:
         yield
-    except SceneError:
+    except (SceneError, MemoryError):
         raise
     except Exception as error:
-        message = str(error).strip() or type(error).__name__
-        if isinstance(error, MemoryError) or "memory" in message.lower():
-            raise MemoryError(message) from error
+        message = without_folders(str(error).strip(), folders) or type(error).__name__
+        first = first_words(message)
         if len(traceback.extract_tb(error.__traceback__)) > _OUR_FRAMES:
             traceback.print_exception(error)
-            message = f"{type(error).__name__}: {message.splitlines()[0]}"
-        for prefix in (folder, folder.resolve()) if folder else ():
-            message = message.replace(f"{prefix}/", "")
-        raise SceneError(message) from error
+            first = f"{type(error).__name__}: {' '.join(first.split())}"
+        elif first != message:
+            print(message, file=sys.stderr, flush=True)
+        raise SceneError(first) from error
 
 
 @cache
