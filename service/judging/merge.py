@@ -42,7 +42,7 @@ class Merge:
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
     look: Look | None = None  #: the view transform of the scene
-    mattes: Mapping[str, str] = field(default_factory=dict)  #: the header of the image on them
+    header: Mapping[str, str] = field(default_factory=dict)  #: what that of the image is to say
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -142,7 +142,7 @@ class Merge:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
         if not self.slices:
-            self.look, self.mattes = partial.look, partial.mattes
+            self.look, self.header = partial.look, partial.header
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -291,7 +291,7 @@ class Merge:
             "channels": self.channels.names,
             "ids": self.channels.ids,
             "origin": self.origin,
-            "mattes": self.mattes,
+            "header": self.header,
             **({} if self.look is None else {"look_gain": self.look.gain}),
             **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
@@ -303,7 +303,7 @@ class Merge:
         if "channels" in about:
             self.channels = Channels(about["channels"], about["ids"])
             self.origin = about["origin"]
-            self.mattes = about.get("mattes", {})
+            self.header = about.get("header", {})
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")

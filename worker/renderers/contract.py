@@ -149,8 +149,9 @@ class Loaded:
     look : str
         The scene's view transform, as `plateau.farm.images.look.Look.as_text` has it; "" where the
         image is seen as it is.
-    mattes : mapping of str to str
-        What the header of an image is to say of its Cryptomattes, see `plateau.farm.images.mattes`.
+    header : mapping of str to str
+        What the header of an image is to say: of its Cryptomattes (`plateau.farm.images.mattes`),
+        and of the place of a crop in its film (`plateau.farm.images.crops`).
     """
 
     kind: ClassVar = "loaded"
@@ -161,7 +162,7 @@ class Loaded:
     ids: tuple[str, ...] = ()
     border: int = 0
     look: str = ""
-    mattes: Mapping[str, str] = field(default_factory=dict)
+    header: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -158,7 +158,7 @@ class RenderChild:
             channels.check_size(scene.width, scene.height)
             if scene.look:
                 Look.from_text(scene.look)
-            check_attributes(scene.mattes)
+            check_attributes(scene.header)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error

@@ -283,6 +283,7 @@ class TestRawFilm:
     def test_a_crop_window_is_the_film(self, mitsuba):
         loaded = mitsuba.load(ROOM, sensor=1)
         assert (loaded.width, loaded.height) == (17, 11)
+        assert loaded.header["plateau:crop"].startswith("8 4 ")
         cropped = mitsuba.render_pass(256, 0)
         assert cropped.shape == (11, 17, 4)
         # And it shows its part of the whole picture

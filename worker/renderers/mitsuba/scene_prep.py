@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
+from plateau.farm.images.crops import crop_header
 from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.causes import first_words, without_folders
 from plateau.worker.renderers.contract import SceneError, check_aovs
@@ -24,7 +25,7 @@ from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
 from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from plateau.farm.model.aovs import AovName
     from plateau.worker.renderers.contract import Load
@@ -57,6 +58,8 @@ class PreparedScene:
         What the film has.
     notes : tuple of str
         What was changed in the scene, a sentence each.
+    header : mapping of str to str
+        The place of a crop window in the film; empty where it has none.
     """
 
     scene: Any
@@ -67,6 +70,7 @@ class PreparedScene:
     height: int
     channels: FilmChannels
     notes: tuple[str, ...]
+    header: Mapping[str, str]
 
 
 def prepare(variant: str, request: Load) -> PreparedScene:
@@ -184,7 +188,7 @@ def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> P
         )
     sensor = sensors[request.sensor]
     film = sensor.film()
-    width, height = (int(size) for size in film.crop_size())
+    width, height = _pair(film.crop_size())
     if width * height > BundleLimits().max_pixels:
         raise SceneError(
             f"the film has {width}×{height} pixels, and the farm renders "
@@ -202,7 +206,14 @@ def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> P
             f"the variant {variant} would average the numbers in the channel "
             f"{channels.ids[0]}; ask for an LLVM or CUDA variant, or leave this AOV out"
         )
-    return PreparedScene(scene, sensor, film, integrator, width, height, channels, notes)
+    whole = _pair(film.size())
+    header = {} if (width, height) == whole else crop_header(_pair(film.crop_offset()), whole)
+    return PreparedScene(scene, sensor, film, integrator, width, height, channels, notes, header)
+
+
+def _pair(of_film: Any) -> tuple[int, int]:
+    x, y = map(int, of_film)
+    return x, y
 
 
 def _checked(integrator: Any) -> Any:
