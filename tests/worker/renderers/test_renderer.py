@@ -376,6 +376,11 @@ REFUSALS = {
     "no integrator": ([('<integrator type="path"/>', "")], {}, "the scene has no integrator"),
     "a film that is no hdrfilm": ([('"hdrfilm"', '"specfilm"')], {}, "is a 'specfilm'"),
     "particle tracing": ([('"path"', '"ptracer"')], {}, "'ptracer' does not sample pixel by pixel"),
+    "Stokes vectors": (
+        [('<integrator type="path"/>',
+          '<integrator type="stokes"><integrator type="path"/></integrator>')],
+        {}, "'stokes' renders whole films alone|polarized"
+    ),
     "differentiable rendering": (
         [('"path"', '"prb"')], {}, "'PRBIntegrator' is made for diff|Plugin \"prb\" not found"
     ),
