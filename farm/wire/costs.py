@@ -1,11 +1,12 @@
 """What machine time costs: core hours times their price."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.process.settings import Settings
+if TYPE_CHECKING:
+    from plateau.farm.process.settings import Settings
 
 #: Digits after the point of an amount: more than any currency has, for jobs of seconds.
 _DIGITS = 6
@@ -19,7 +20,7 @@ class Price:
     currency: str = ""
 
     @classmethod
-    def if_set(cls, settings: Settings) -> "Price | None":
+    def if_set(cls, settings: "Settings") -> "Price | None":
         """The price that the settings name, if they do."""
         price = settings.core_hour_price
         return None if price is None else cls(price, settings.currency)
