@@ -43,7 +43,7 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
             location = (*location[:1], *(part for part in location[1:] if isinstance(part, int)))
         located.append((location, one))
     errors = [
-        FieldError(field=".".join((*within, field)), message=message)
+        FieldError(field=".".join(filter(None, (*within, field))), message=message)
         for field, message in list(input_errors.by_field(located).items())[:_MOST_ERRORS]
     ]
     return Problem(
