@@ -79,7 +79,7 @@ def plan_round(
         estimate from them. The model should be that of other halves than those that judge the
         image: slices 0, 1, 4, 5, … and 2, 3, 6, 7, … where these are the even and the odd ones.
     target
-        Fraction of the pixels that may be visible, between 0 and 1; never less than one pixel.
+        Fraction of the pixels that may be visible, between 0 and 1.
     spp
         Samples per pixel of each zone in the merged image, (rows, columns), 1 or more.
     planned
@@ -134,7 +134,7 @@ def plan_round(
         finite = np.where(model.non_finite, np.float32(0), model.focus)
         weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
         curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
-    allowed = allowed_pixels(target, model.pixels, model.focus)
+    allowed = allowed_pixels(target, model.pixels)
     needed = _needed(curves, spp, planned, allowed, total + least)
     zones, more = _round(needed, planned, curves.pixels, least, sizes)
     return Allocation(zones, math.ceil(more), needed)

@@ -138,18 +138,15 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     )
 
 
-def allowed_pixels(target: float, pixels: int, focus: Plane | None = None) -> float:
-    """Return how many pixels a target fraction allows.
-
-    It is at least one pixel, the heaviest of a focus, so that a single one, such as a firefly,
-    cannot keep a whole image from converging.
+def allowed_pixels(target: float, pixels: int) -> float:
+    """Return how many pixels a target fraction allows; of a small image it is a part of one.
 
     Examples
     --------
     >>> allowed_pixels(0.001, 65_536), allowed_pixels(0.001, 64)
-    (65.536, 1.0)
+    (65.536, 0.064)
     """
-    return max(1.0 if focus is None else float(focus.max()), target * pixels)
+    return target * pixels
 
 
 def require_target(target: float) -> None:

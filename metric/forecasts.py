@@ -106,7 +106,7 @@ def forecast(
     halves
         The even- and the odd-indexed slices.
     target
-        Fraction of the pixels, between 0 and 1; never less than one pixel.
+        Fraction of the pixels, between 0 and 1.
     guess
         An earlier forecast for this target, in spp, at which the search starts.
 
@@ -153,7 +153,7 @@ def forecast_from(
     `spp` is that of the merged image.
     """
     require_target(target)
-    allowed = allowed_pixels(target, model.pixels, model.focus)
+    allowed = allowed_pixels(target, model.pixels)
     if estimate.pixels <= allowed:
         return Forecast(spp, spp, spp)
 

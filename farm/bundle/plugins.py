@@ -1,5 +1,6 @@
 """Mitsuba's types of plugin, found without running it."""
 
+import difflib
 import importlib.util
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,6 +12,9 @@ _IN_PYTHON: Final = (
     "volprim_rf_basic",
 )
 
+#: Longer than the name of any plugin; a search for similar names takes time.
+_LONGEST_PLUGIN: Final = 40
+
 
 def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the installed Mitsuba's types of plugin, and `more`, sorted; empty without Mitsuba."""
@@ -19,3 +23,9 @@ def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
         return ()
     libraries = Path(mitsuba.origin).with_name("plugins").glob("*.*")
     return tuple(sorted({*(path.stem for path in libraries), *_IN_PYTHON, *more}))
+
+
+def guess(plugin: str, known: Iterable[str]) -> str:
+    """Return a phrase with the known plugin whose name is most like this one; "" if none is."""
+    nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
+    return f"; did you mean {nearest[0]!r}?" if nearest else ""

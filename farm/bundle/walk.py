@@ -20,7 +20,6 @@ A few kilobytes can include a file, or name one, millions of times. So a file th
 again with the same parameters and folders is counted and not read, and each name is followed once.
 """
 
-import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,13 +27,12 @@ from dataclasses import dataclass, field
 from plateau.farm.bundle.film import Cast, Film, Property, Sensor
 from plateau.farm.bundle.limits import BundleError, BundleLimits, brief, shown
 from plateau.farm.bundle.parameters import Parameters
+from plateau.farm.bundle.plugins import guess
 from plateau.farm.bundle.references import References, Role
 from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
 from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
-#: Longer than the name of any plugin; a search for similar names takes time.
-_LONGEST_PLUGIN = 40
 #: Elements that stand for a plugin.
 _OBJECTS = frozenset(
     [
@@ -250,11 +248,9 @@ class _File:
             )
         known = self._walk.limits.plugins
         if known and plugin not in known:
-            nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
-            guess = f"; did you mean {nearest[0]!r}?" if nearest else ""
             raise self._refusal(
                 "unknown-plugin",
-                f"Mitsuba has no plugin of the type {shown(plugin)}{guess} "
+                f"Mitsuba has no plugin of the type {shown(plugin)}{guess(plugin, known)} "
                 "(PLATEAU_PLUGINS names those that workers have beside Mitsuba's)",
                 line,
             )

@@ -14,6 +14,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
+from plateau.farm.images.crops import windows
 from plateau.farm.images.layers import read_layer
 from plateau.farm.images.look import Look
 from plateau.farm.images.mattes import attributes_of
@@ -65,7 +66,7 @@ class Partial:
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
     `renderer` is the renderer's name and version; older partials have "" there. The first slice of
     a job whose scene has a view transform has it as `look`, and what an image's header is to say of
-    its Cryptomattes as `mattes`.
+    its Cryptomattes and of its place in a film as `header`.
     """
 
     job_id: str
@@ -81,7 +82,7 @@ class Partial:
     border: int = 0
     renderer: str = ""
     look: Look | None = None
-    mattes: Attributes = field(default_factory=dict)
+    header: Attributes = field(default_factory=dict)
 
 
 def encode_partial(partial: Partial) -> bytes:
@@ -103,7 +104,7 @@ def encode_partial(partial: Partial) -> bytes:
         attributes[_RENDERER] = partial.renderer
     if partial.look is not None:
         attributes[_LOOK] = partial.look.as_text()
-    attributes |= partial.mattes
+    attributes |= partial.header
     pixels = partial.pixels
     if partial.zones:
         attributes |= {_ZONES: json.dumps(partial.zones), _BORDER: partial.border}
@@ -147,7 +148,7 @@ def decode_partial(content: bytes) -> Partial:
         zones=zones,
         border=border,
         look=look,
-        mattes=attributes_of(header),
+        header=attributes_of(header),
         renderer=str(header.get(_RENDERER, "")),
     )
 
@@ -179,7 +180,7 @@ def encode_layers(
     planes
         (height, width) float32 by channel.
     attributes
-        Attributes of the header.
+        Attributes of the header; those of a crop give it its windows.
     precision
         "half" has 11 significant bits, and clips finite values at ±65504.
     compression
@@ -187,6 +188,8 @@ def encode_layers(
     whole
         Channels that stay float32 in a half file.
     """
+    height, width = next(iter(planes.values())).shape
+    attributes = {**attributes, **windows(attributes, width, height)}
     if precision == "half":
         return _encode(
             {

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from plateau.farm.images.crops import CROP
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -24,7 +26,7 @@ Planes = dict[str, "NDArray[Any]"]
 
 
 def read_layer(file: OpenEXR.File, name: str | None) -> NDArray[np.float32]:
-    """Return a layer as (height, width, 3) float32, in the display window.
+    """Return a layer as (height, width, 3) float32, in the display window, or in the crop.
 
     Parameters
     ----------
@@ -81,7 +83,12 @@ def _no_layer(name: str, layers: Mapping[str, object], file: OpenEXR.File) -> st
 def _in_display_window(
     image: NDArray[np.float32], header: Mapping[str, Any]
 ) -> NDArray[np.float32]:
-    """Return what the display window shows: black where the data window does not reach."""
+    """Return what the display window shows: black where the data window does not reach.
+
+    Of a crop, nothing else is known: it is as it is.
+    """
+    if CROP in header:
+        return image
     (left, top), (right, bottom) = header["displayWindow"]
     (x, y), (last_x, last_y) = header["dataWindow"]
     if (x, y, last_x, last_y) == (left, top, right, bottom):

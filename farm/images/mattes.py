@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plateau.farm.images.crops import CROP, check_crop
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -112,14 +114,18 @@ def ranked(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def check_attributes(attributes: Mapping[str, Any]) -> None:
-    """Raise ValueError for attributes of an EXR file's header that say nothing of a matte."""
+    """Raise ValueError for attributes of a header that are of neither a matte nor a crop."""
     for name, value in attributes.items():
-        if not (isinstance(value, str) and _ATTRIBUTE.fullmatch(name)):
+        if name == CROP:
+            check_crop(value)
+        elif not (isinstance(value, str) and _ATTRIBUTE.fullmatch(name)):
             raise ValueError(f"{name[:100]!r} is no attribute of a Cryptomatte")
     if sum(map(len, attributes.values())) > _MOST_SAID:
         raise ValueError("the names of a Cryptomatte's things are too long")
 
 
 def attributes_of(header: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attributes of an EXR file's header that are about its mattes."""
-    return {name: value for name, value in header.items() if _ATTRIBUTE.fullmatch(name)}
+    """Return the attributes of an EXR file's header that are about its mattes or its crop."""
+    return {
+        name: value for name, value in header.items() if name == CROP or _ATTRIBUTE.fullmatch(name)
+    }

@@ -2,7 +2,7 @@
 
 Pydantic finds the errors, but its messages speak of inputs, literals and patterns, of which users
 know nothing. A message here follows the name of the field: ``step: must be above 0``. None repeats
-the value, which may be a secret.
+the value, which may be a secret, to another process.
 """
 
 from __future__ import annotations
@@ -12,6 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
+
+#: The tags of a submitted spec's two kinds, with a space so that no field has such a name.
+BRANCHES: Final = ("one job", "many jobs")
+
+#: The most characters of a value that a message has.
+_SHORT: Final = 60
 
 #: How the message about an unknown rule, allocation or denoiser begins; its names follow.
 UNKNOWN_NAME: Final = "must have the name"
@@ -42,6 +48,42 @@ def message(error: ErrorDetails) -> str:
     said = error["msg"]
     own = said.removeprefix("Value error, ")
     return own if own != said else f"{said[:1].lower()}{said[1:]}"
+
+
+def by_field(
+    details: Iterable[tuple[tuple[int | str, ...], ErrorDetails]], *, with_values: bool = False
+) -> dict[str, str]:
+    """The message for each wrong field of a spec or a request, by the errors and their places.
+
+    `with_values` has what was given too, except of webhooks: a caller's own process shows it.
+    """
+    found: dict[str, list[str]] = {}  # several messages if a field may have several types
+    given: dict[str, str] = {}
+    for location, one in details:
+        field = ".".join(_names(location))
+        found.setdefault(field, []).append(message(one))
+        if with_values and one["type"] in _WORDS and "webhook" not in location:
+            given[field] = _given(one)
+    return {field: either(messages) + given.get(field, "") for field, messages in found.items()}
+
+
+def _given(error: ErrorDetails) -> str:
+    value = error.get("ctx", {}).get("tag", error["input"])
+    is_short = isinstance(value, str | int | float) and len(str(value)) <= _SHORT
+    return f", not {value!r}" if is_short and error["type"] != "extra_forbidden" else ""
+
+
+def _names(location: tuple[int | str, ...]) -> list[str]:
+    """The field as the user wrote it, without the branches that the validation tried."""
+    names = [str(part) for part in location if part not in BRANCHES]
+    if names[:1] == ["parameters"]:
+        # The name of one job's parameter; in a list, the entry and the name.
+        names = names[: 3 if any(isinstance(part, int) for part in location) else 2]
+    if names[:1] in (["rule"], ["allocation"], ["denoise"]):
+        names = names[:1] + names[2:]
+    if names[:1] == ["watch"]:
+        names = names[:2] + names[3:]
+    return names
 
 
 def either(messages: Iterable[str]) -> str:

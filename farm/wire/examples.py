@@ -298,13 +298,13 @@ PROBLEM_DETAILS: Final[dict[str, str]] = {
     "and spec, as curl -F scene=@scene.zip -F 'spec={}' does",
     "invalid-request": "limit: must be at most 200",
     "invalid-spec": "spec.max_spp: must be at least 1",
-    "no-scene": "send a scene or a zip of one as the part scene, or the SHA-256 of a stored "
-    "scene as the part scene_sha256",
+    "no-scene": "send a scene or a zip of one as the part scene, the name of a scene in a scene "
+    "root as the part scene_path, or the SHA-256 of a stored scene as the part scene_sha256",
     "unknown-scene": f"no scene {SCENE_SHA256} is stored here; send the file itself as the part "
     "scene",
     "broken-scene": "scene.xml, line 7: the file meshes/wall.ply is not in the bundle",
     "idempotency-key-reused": f"the Idempotency-Key '{IDEMPOTENCY_KEY}' made job {JOB_ID} from "
-    "another scene or spec; use a new key for a new job",
+    "another scene or spec; use a new key for a new request",
     "too-many-requests": "the key 'nightly' may make 1200 requests a minute, and 200 at once; try "
     "again in 1 s",
     "too-many-scenes": "the key 'nightly' has stored 53,000,000,000 bytes of scenes and may store "

@@ -115,14 +115,15 @@ def allowed_pixels(threshold: float, pixels: int) -> float:
     """Return how many pixels of an image may still differ visibly.
 
     The threshold holds for 512×512 pixels and scales with their number. The result is at least 1,
-    so that a single pixel, such as a firefly, cannot keep a whole image from converging.
+    so that a single pixel, such as a firefly, cannot keep a whole image from converging, and less
+    than the whole image.
 
     Examples
     --------
-    >>> allowed_pixels(2.0, 1024 * 1024), allowed_pixels(2.0, 64 * 64)
-    (8.0, 1.0)
+    >>> allowed_pixels(2.0, 1024 * 1024), allowed_pixels(2.0, 64 * 64), allowed_pixels(2.0, 1)
+    (8.0, 1.0, 0.0)
     """
-    return max(1.0, threshold * pixels / PAPER_PIXELS)
+    return min(max(1.0, threshold * pixels / PAPER_PIXELS), float(pixels - 1))
 
 
 def first_verdict(evidence: Evidence, threshold: float, words: str) -> Verdict:

@@ -128,8 +128,8 @@ class Evidence:
         return None if model is None else model.forecast(target, spp=self.spp)
 
     def allowed_pixels(self, target: float) -> float:
-        """Return how many visible pixels a target fraction allows, counted as the estimate is."""
-        return allowed_pixels(target, self.pixels, self.focus)
+        """Return how many visible pixels a target fraction allows."""
+        return allowed_pixels(target, self.pixels)
 
     @cached_property
     def kept_image(self) -> Image:

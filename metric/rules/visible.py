@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Any line through fewer points meets all of them.
 LEAST_POINTS = 3
+#: The estimate is a mean of two counts: nothing between this and no pixel can be told.
+LEAST_COUNT = 0.5
 
 
 @dataclass(kw_only=True)
@@ -33,8 +35,9 @@ class Visible(Rule):
     Notes
     -----
     The recorded Cornell box reached the default target, two pixels in ten thousand, at about 1150
-    spp; half of the paper's observers saw no difference in its BOX 1 from 1193 spp on. The target
-    is at least one pixel. Pixels that are NaN or infinite are left out.
+    spp; half of the paper's observers saw no difference in its BOX 1 from 1193 spp on. Where the
+    target is less than the estimate can tell, half a pixel, no pixel may differ. Pixels that are
+    NaN or infinite are left out.
 
     Like every other rule, it cannot know of light that no path has found yet.
 
@@ -159,16 +162,19 @@ class Visible(Rule):
         dark = None if pixels > 0 else darkness(evidence)
         words += ("" if dark is None else f", since {dark}") + left_out(estimate.non_finite)
 
-        target = f"the target of {allowed:.4g}"
+        most = f"{allowed:.4g}"
+        if evidence.focus is None and allowed < LEAST_COUNT:
+            most += " (none, at this size)"
+        target = f"the target of {most}"
         if not passed:
-            return f"{words}; the target is {allowed:.4g}"
+            return f"{words}; the target is {most}"
         if not on_trend:
             return f"{words}; {target} is reached now, but not by the trend of the last evaluations"
         if not known:
-            most = counted(estimate.greatest_pixels or 0)
+            greatest = counted(estimate.greatest_pixels or 0)
             return (
-                f"{words}; {target} is reached, but it is undetermined: {most} may differ, as far "
-                "as the samples tell how wrong the denoiser is"
+                f"{words}; {target} is reached, but it is undetermined: {greatest} may differ, as "
+                "far as the samples tell how wrong the denoiser is"
             )
         if evidence.spp < self.min_spp:
             return f"{words}; {target} is reached, but not yet {self.min_spp} spp"

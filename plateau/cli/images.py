@@ -88,7 +88,6 @@ def diff(
       plateau diff before.png after.png --map difference.png
       plateau diff reference.exr test.exr --exposure 1 --json
       plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
-
       plateau diff reference.exr test.exr --seen desk --jod --heat heat.png
 
     Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited

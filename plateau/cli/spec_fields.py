@@ -1,6 +1,5 @@
 """The fields of a spec, from options; a wrong one raises `typer.BadParameter` with its name."""
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -46,7 +45,7 @@ def spec_fields(
         field_of_view_deg=field_of_view,
         pixels_per_degree=pixels_per_degree,
         primaries=primaries,
-        background=None if background is None else _colour(background),
+        background=background,
         focus=_focus(focus) if focus else None,
     )
     if field_of_view is not None:
@@ -59,12 +58,12 @@ def spec_fields(
         after=after or None,
         aovs=aov or None,
         exr=exr or None,
-        parameters=dict(map(_definition, define)) if define else None,
-        rule=None if rule is None else _named(rule, "a rule"),
-        watch=[_named(one, "a rule") for one in watch] if watch else None,
-        allocation=None if allocation is None else _named(allocation, "an allocation"),
-        denoise=None if denoise is None else _named(denoise, "a denoiser"),
-        shot=None if shot is None else _shot(shot),
+        parameters=define or None,
+        rule=rule,
+        watch=watch or None,
+        allocation=allocation,
+        denoise=denoise,
+        shot=shot,
         view=view or None,
     )
 
@@ -92,21 +91,6 @@ def _given(**options: object) -> dict[str, object]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _definition(text: str) -> tuple[str, str]:
-    name, separator, value = text.partition("=")
-    if not (separator and name):
-        raise typer.BadParameter(f"-D takes NAME=VALUE, not {text!r}")
-    return name, value
-
-
-def _colour(text: str) -> list[float]:
-    try:
-        red, green, blue = map(float, text.split(","))
-    except ValueError:
-        raise typer.BadParameter(f"--background takes R,G,B, not {text!r}") from None
-    return [red, green, blue]
-
-
 def view_of_place(name: str | None) -> dict[str, Any]:
     """The fields of a view that --seen sets; none where it is not given."""
     from plateau.farm.model.spec import PLACES
@@ -124,38 +108,6 @@ def _focus(path: Path) -> list[list[float]]:
     return focus_of(path)
 
 
-def _named(text: str, what: str) -> dict[str, str | int | float]:
-    """A rule, an allocation or a denoiser from its text: ``name`` or ``name:parameter=value,…``."""
-    name, _, parameters = text.partition(":")
-    given: dict[str, str | int | float] = {"name": name}
-    for definition in filter(None, parameters.split(",")):
-        parameter, separator, value = definition.partition("=")
-        if not (separator and parameter):
-            raise typer.BadParameter(f"{what} is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
-        given[parameter] = _number(value)
-    return given
-
-
-def _shot(text: str) -> dict[str, Any]:
-    """A shot from its text: ``FPS``, ``FPS:target=JOD`` or ``FPS:target=none``."""
-    fps, _, target = text.partition(":")
-    given: dict[str, Any] = {"fps": _number(fps)}
-    if target:
-        name, _, jod = target.partition("=")
-        if name != "target" or not jod:
-            raise typer.BadParameter(f"--shot takes FPS, or FPS:target=JOD, not {text!r}")
-        given["target"] = None if jod == "none" else _number(jod)
-    return given
-
-
-def _number(text: str) -> str | int | float:
-    """The number that the text stands for; any other text as it is."""
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
-    return text
-
-
 #: Options whose names differ from those of the spec's fields.
 _OPTIONS: Final = {
     "exposure_ev": "exposure",
@@ -166,6 +118,7 @@ _OPTIONS: Final = {
     "fps": "shot",
     "precision": "exr-precision",
     "compression": "exr-compression",
+    "parameters": "define",
 }
 
 
@@ -180,8 +133,8 @@ def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
     name = next(str(one) for one in reversed(location) if isinstance(one, str))
     option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
     named = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
-    is_rule = location[0] in {"rule", "watch"}
-    if location[0] in {"allocation", "denoise"} or (is_rule and name not in rule_options.owners()):
+    is_rule = location[0] in {"rule", "watch"} and name not in rule_options.owners()
+    if named and (is_rule or location[0] in {"allocation", "denoise"}):
         what = "there is no such parameter" if kind == "extra_forbidden" else message
         return f"--{location[0]} {named}:{name}: {what}"
     if kind == "extra_forbidden":

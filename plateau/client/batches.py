@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from plateau.client.errors import TimedOut
-from plateau.client.jobs import submitted
+from plateau.client.jobs import refusing, submitted
 from plateau.client.short_ids import with_whole_ids
 from plateau.client.transport import Calls
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
@@ -59,7 +59,7 @@ class BatchCalls(Calls):
 
         Raises
         ------
-        pydantic.ValidationError
+        InvalidSpec
             There are no parameters, or too many.
         plateau.farm.bundle.BundleError, ApiError
             As for `Client.submit`; ``uneven-batch`` if the flicker guard refuses the jobs.
@@ -67,7 +67,8 @@ class BatchCalls(Calls):
         spec = with_whole_ids(spec or JobSpec(), self._transport.whole_id)
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
-        asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)
+        with refusing():
+            asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)

@@ -4,9 +4,12 @@ import os
 import re
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from typing import Any, Final
 
+from pydantic import ValidationError
+
+from plateau.client.errors import invalid_spec
 from plateau.client.short_ids import job_or_batch, whole_id, with_whole_ids
 from plateau.client.transport import Calls, Model, Transport
 from plateau.farm.model.job import LogEntry
@@ -55,7 +58,7 @@ class JobCalls(Calls):
 
         Raises
         ------
-        pydantic.ValidationError
+        InvalidSpec
             A field of the spec is unknown, or its value is not allowed.
         plateau.farm.bundle.BundleError
             The scene's files cannot be packed: one is missing, or not allowed; or a value of the
@@ -284,7 +287,17 @@ def _whether(flag: bool | None) -> str | None:
 def spec_of(spec: JobSpec | None, fields: Mapping[str, Any]) -> JobSpec:
     """The spec with these fields replaced, checked."""
     given = {} if spec is None else {name: getattr(spec, name) for name in spec.model_fields_set}
-    return JobSpec(**{**given, **fields})
+    with refusing():
+        return JobSpec(**{**given, **fields})
+
+
+@contextmanager
+def refusing() -> Iterator[None]:
+    """Raise `InvalidSpec` for a spec that does not fit, as the service would."""
+    try:
+        yield
+    except ValidationError as error:
+        raise invalid_spec(error) from None
 
 
 def submitted(

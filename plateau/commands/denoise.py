@@ -5,20 +5,29 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from plateau.errors import CommandFailed
-from plateau.farm.images.exr import Pixels, decode_image, decode_layers, encode_layers
+from plateau.farm.images.exr import (
+    Pixels,
+    decode_header,
+    decode_image,
+    decode_layers,
+    encode_layers,
+)
 from plateau.farm.wire import figures
+from plateau.files.independence import Independence
 from plateau.metric import (
     Evidence,
     Half,
     View,
     Visible,
     VisibleDifferences,
+    allowed_non_finite,
     allowed_pixels,
+    non_finite_pixels,
 )
 from plateau.service.judging.denoised import Denoised, DenoisingTask, guides_in, layers_of
 from plateau.service.monitor.denoising import oidn
@@ -41,19 +50,28 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     read = [_read(path) for path in images]
-    sizes = {colour.shape[:2] for colour, _ in read}
+    sizes = {one.colour.shape[:2] for one in read}
     if len(sizes) > 1:
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
+    independence = Independence()
+    for path, one in zip(images, read, strict=True):
+        independence.add(str(path), one.colour, one.job)
     halves = _mean(read[::2]), _mean(read[1::2])
     mean = _mean(read).mean
-    each = [guides_in(layers) for _, layers in read]  # the mean, if all images have them
+    lost = {path: non_finite_pixels(one.colour) for path, one in zip(images, read, strict=True)}
+    lost = {path: one for path, one in lost.items() if one.count}
+    bad = "; ".join(f"{path}: {one.in_words()}" for path, one in lost.items())
+    if non_finite_pixels(mean).count > allowed_non_finite(mean[..., 0].size):
+        raise CommandFailed(f"{bad}: at most {allowed_non_finite(mean[..., 0].size):,} may be")
+    each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
     _write(out, found, mean)
     left = _noise_left(found, shown)
     if as_json:
-        print(json.dumps({"denoiser": found.denoiser, "guides": bool(guides), **left}))
+        about = {"denoiser": found.denoiser, "guides": bool(guides)}
+        print(json.dumps({**about, **left, "non_finite_pixels": non_finite_pixels(mean).count}))
         return
     print(f"{out}: {found.denoiser}")
     pixels, share = figures.pixels(left["pixels"]), figures.percent(left["fraction"])
@@ -61,21 +79,30 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     if left["undetermined"]:
         words += f"; undetermined: it may be {figures.pixels(left['most_pixels'])} px"
     print(words)
+    if bad:
+        print(f"left out: {bad}")
 
 
-def _mean(images: Sequence[tuple[Pixels, dict[str, Pixels]]]) -> Half:
+class _Image(NamedTuple):
+    colour: Pixels
+    layers: dict[str, Pixels]
+    job: str | None  #: of Plateau's, where one made it
+
+
+def _mean(images: Sequence[_Image]) -> Half:
     """Return the mean of these images, each of one sample: nobody knows how many it has."""
-    mean = np.mean([colour for colour, _ in images], axis=0)
+    mean = np.mean([one.colour for one in images], axis=0)
     return Half(np.asarray(mean, np.float32), len(images))
 
 
-def _read(path: Path) -> tuple[Pixels, dict[str, Pixels]]:
-    """Return the colour of an EXR file, and its channels by name."""
+def _read(path: Path) -> _Image:
+    """Return the colour of an EXR file, its channels by name, and its job."""
     try:
         content = path.read_bytes()
         # OpenEXR prints its warnings, where scripts expect an answer.
         with contextlib.redirect_stdout(io.StringIO()):
-            return decode_image(content), decode_layers(content)
+            job = decode_header(content).get("plateau:job")
+            return _Image(decode_image(content), decode_layers(content), job)
     except OSError as error:
         raise CommandFailed(f"{path}: {error.strerror or error}") from error
     except ValueError as error:

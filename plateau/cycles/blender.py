@@ -25,16 +25,12 @@ def blender() -> Iterator[None]:
     ------
     SceneError
         With Blender's words.
-    MemoryError
-        Blender says that memory is short.
     """
     try:
         with _quiet():
             yield
     except RuntimeError as error:
         words = " ".join(str(error).removeprefix("Error:").split())
-        if "memory" in words.lower():
-            raise MemoryError(words) from error
         raise SceneError(f"Blender: {words}") from error
 
 

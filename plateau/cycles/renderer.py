@@ -114,7 +114,7 @@ class Renderer:
             ids=passes.ids,
             notes=(*one.notes, *notes, *([left_out(unknown)] if unknown else [])),
             look="" if one.look is None else one.look.as_text(),
-            mattes=matte_attributes(decode_header(written)),
+            header=matte_attributes(decode_header(written)),
         )
 
     def _next_rows(self, one: PreparedScene, top: int, spp: int) -> int:

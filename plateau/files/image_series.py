@@ -19,10 +19,11 @@ import numpy as np
 
 from plateau.errors import PlateauError
 from plateau.farm.images.channels import Channels
-from plateau.farm.images.exr import Pixels, decode_image, decode_partial
+from plateau.farm.images.exr import Pixels, decode_header, decode_image, decode_partial
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
+from plateau.files.independence import Independence
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import non_finite_png
@@ -57,13 +58,15 @@ class Series:
 
     def films(self) -> Iterator[tuple[Pixels, Channels]]:
         """Each slice's film before normalisation, as `Merge.add` takes it: what is seen of it."""
-        before = np.zeros(())
+        before, independence = np.zeros(()), Independence()
         for number, path in enumerate(self.files, start=1):
             if self.partials:
                 partial = decode_partial(path.read_bytes())
                 yield partial.pixels[..., : partial.channels.judged], partial.channels.seen()
                 continue
-            image = _image(path)
+            image, job = _image(path)
+            if not self.cumulative:
+                independence.add(str(path), image, job)
             total = image.astype(np.float64) * (self.spp * (number if self.cumulative else 1))
             colour = total - before if self.cumulative else total
             before = total
@@ -165,9 +168,11 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     return Judged(points, width, height, stops)
 
 
-def _image(path: Path) -> Pixels:
+def _image(path: Path) -> tuple[Pixels, str | None]:
+    """Return an image, and the job of Plateau's that made it."""
     try:
-        return decode_image(path.read_bytes())
+        content = path.read_bytes()
+        return decode_image(content), decode_header(content).get("plateau:job")
     except (OSError, ValueError) as error:
         raise CannotJudge(f"{path}: {error}") from error
 

@@ -70,7 +70,8 @@ def render(
         terminal, on standard error.
     **fields
         Fields of `JobSpec`, which replace those of `spec`: ``max_spp=500``,
-        ``rule={"name": "fixed", "spp": 64}``, ``parameters={"width": 256}``.
+        ``rule="fixed:spp=64"`` or ``rule={"name": "fixed", "spp": 64}``,
+        ``parameters={"width": 256}``.
 
     Returns
     -------
@@ -83,7 +84,7 @@ def render(
         The scene cannot be rendered, in Mitsuba's words.
     plateau.farm.bundle.BundleError
         The scene's files cannot be packed, or a value of the dict cannot be written; names it.
-    pydantic.ValidationError
+    plateau.InvalidSpec
         A field of the spec is unknown, or its value is not allowed.
     KeyboardInterrupt
         It was interrupted before there was an image.

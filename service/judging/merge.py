@@ -42,7 +42,7 @@ class Merge:
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
     look: Look | None = None  #: the view transform of the scene
-    mattes: Mapping[str, str] = field(default_factory=dict)  #: the header of the image on them
+    header: Mapping[str, str] = field(default_factory=dict)  #: what that of the image is to say
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -141,7 +141,7 @@ class Merge:
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         if not self.slices:
-            self.look, self.mattes = partial.look, partial.mattes
+            self.look, self.header = partial.look, partial.header
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -289,7 +289,7 @@ class Merge:
             "channels": self.channels.names,
             "ids": self.channels.ids,
             "origin": self.origin,
-            "mattes": self.mattes,
+            "header": self.header,
             **({} if self.look is None else {"look_gain": self.look.gain}),
             **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
@@ -299,7 +299,7 @@ class Merge:
     ) -> None:
         """Take over the sums of a checkpoint."""
         self.channels = Channels(about["channels"], about["ids"])
-        self.origin, self.mattes = about["origin"], about["mattes"]
+        self.origin, self.header = about["origin"], about["header"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")

@@ -85,7 +85,7 @@ def result_files(
     files = {
         "image.exr": encode_layers(
             layers if spp_map is None else {**layers, "spp": spp_map},
-            {**exr_header(facts), **merge.mattes},
+            {**exr_header(facts), **merge.header},
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
             whole=("Z", "spp", *merge.channels.exact),

@@ -205,7 +205,7 @@ def test_the_cryptomatte_of_slices_is_that_of_the_whole(child, blend):
     for one, share in at_once.items():
         np.testing.assert_allclose(of_slices[one], share, atol=1e-6)
     # And the header names the objects
-    names = scene.mattes
+    names = scene.header
     (key,) = (name for name, value in names.items() if value == "K_che.CryptoObject")
     ids = json.loads(names[key.replace("/name", "/manifest")])
     for name in ("shining", "glass", "glowing"):

@@ -10,6 +10,7 @@ import queue
 import socket
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Final, TextIO
 
@@ -19,10 +20,12 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import Channels
 from plateau.farm.model.slices.zones import Zone
 from plateau.worker.child.films import Films, FilmsNotWritten
+from plateau.worker.renderers.causes import first_words
 from plateau.worker.renderers.contract import (
     Answer,
     Cancel,
     DiskFull,
+    Failed,
     FirstPass,
     Load,
     Loaded,
@@ -110,6 +113,11 @@ def serve(
             answer(SceneRefused(message=str(error)))
         except FilmsNotWritten as error:
             answer(DiskFull(message=str(error)))
+        except Exception as error:
+            traceback.print_exception(error)
+            what = "out of memory" if isinstance(error, MemoryError) else type(error).__name__
+            answer(Failed(message=f"{what}: {first_words(str(error))}"))
+            raise SystemExit(1) from error
 
 
 def _channels(scene: Loaded) -> Channels:

@@ -18,6 +18,7 @@ and each answer is one object, whose ``"is"`` names its kind::
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}
     {"is": "disk-error", "message": …}
+    {"is": "failed", "message": …}
 
 The classes below say what each means. Pixels do not go through the socket: the child writes them
 into a file that it inherits too. A film lies there as height × width × channels values in float32,
@@ -35,7 +36,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, get_args
 
 from plateau.farm.model.renderers import renderer_of, variant_named
 
@@ -148,8 +149,9 @@ class Loaded:
     look : str
         The scene's view transform, as `plateau.farm.images.look.Look.as_text` has it; "" where the
         image is seen as it is.
-    mattes : mapping of str to str
-        What the header of an image is to say of its Cryptomattes, see `plateau.farm.images.mattes`.
+    header : mapping of str to str
+        What the header of an image is to say: of its Cryptomattes (`plateau.farm.images.mattes`),
+        and of the place of a crop in its film (`plateau.farm.images.crops`).
     """
 
     kind: ClassVar = "loaded"
@@ -160,7 +162,7 @@ class Loaded:
     ids: tuple[str, ...] = ()
     border: int = 0
     look: str = ""
-    mattes: Mapping[str, str] = field(default_factory=dict)
+    header: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,14 +216,19 @@ class DiskFull:
     message: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """The child ends, for a lack of memory or a fault that is not the scene's."""
+
+    kind: ClassVar = "failed"
+    message: str
+
+
 Request = Load | Render | Cancel
-Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull
+Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull | Failed
 
 _REQUESTS: Final = {one.kind: one for one in (Load, Render, Cancel)}
-_ANSWERS: Final = {
-    one.kind: one
-    for one in (Ready, Loaded, Working, FirstPass, SumDone, Stopped, SceneRefused, DiskFull)
-}
+_ANSWERS: Final = {one.kind: one for one in get_args(Answer)}
 
 
 def request_line(request: Request) -> str:

@@ -26,6 +26,7 @@ from plateau.farm.model.seeds import Pass
 from plateau.farm.model.slices.zones import Zone, pixels_of
 from plateau.farm.process.hang import HANGS
 from plateau.worker.renderers import contract
+from plateau.worker.renderers.causes import first_and_last_words, without_folders
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
 from plateau.worker.supervisor.child_output import Words
 from plateau.worker.supervisor.child_start import ChildLimits, Inherited, start
@@ -46,7 +47,6 @@ CANCEL_GRACE_S: Final = 2.0
 START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: between two looks at a silent child
 _LOOK_S: Final = 0.01  #: between two looks whether a killed group is gone
-_LAST_WORDS: Final = 1000
 
 #: A killed child that is there for longer waits for something that no signal ends.
 GONE_S: Final = 10.0
@@ -91,6 +91,7 @@ class RenderChild:
         self._lock = threading.Lock()
         self._words = Words()
         self._home = home
+        self._folder: Path | None = None  # of its scene
         home.mkdir(parents=True, exist_ok=True)
         # A file without a name: nothing of it remains, whichever process dies.
         self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
@@ -139,9 +140,10 @@ class RenderChild:
         aovs: tuple[str, ...] = (),
     ) -> Loaded:
         """Load a scene, which takes the place of the one before."""
+        self._folder = folder.absolute()  # the child works in another
         self._ask(
             contract.Load(
-                folder=str(folder.absolute()),  # it works in another
+                folder=str(self._folder),
                 entry=entry,
                 parameters=parameters,
                 sensor=sensor,
@@ -156,7 +158,7 @@ class RenderChild:
             channels.check_size(scene.width, scene.height)
             if scene.look:
                 Look.from_text(scene.look)
-            check_attributes(scene.mattes)
+            check_attributes(scene.header)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error
@@ -204,7 +206,7 @@ class RenderChild:
 
     def take_words(self) -> str:
         """Return the end of what the child printed since the last call; see `Words.take`."""
-        return self._words.take()
+        return self._told(self._words.take())
 
     def cancel(self) -> None:
         """Cancel the current request at the end of its pass; kill the child if that takes long."""
@@ -287,7 +289,11 @@ class RenderChild:
             self.kill()
             raise ChildDied(f"{error} (while {doing})") from error
         if isinstance(answer, contract.SceneRefused):
-            raise SceneError(answer.message)
+            raise SceneError(self._told(answer.message))
+        if isinstance(answer, contract.Failed):
+            self.kill()
+            why = self._told(answer.message)
+            raise ChildDied(f"the render process failed while {doing}: {why}")
         if isinstance(answer, contract.DiskFull):
             raise OSError(f"no film can be written into {self._home}: {answer.message}")
         if isinstance(answer, contract.Stopped):
@@ -310,8 +316,12 @@ class RenderChild:
         return True
 
     def _last_words(self) -> str:
-        words = self._words.read()[-_LAST_WORDS:]
+        words = first_and_last_words(self._told(self._words.read()))
         return f": {words}" if words else ""
+
+    def _told(self, words: str) -> str:
+        """Return what the child said, without this machine's folders."""
+        return without_folders(words, filter(None, (self._folder, self._home)))
 
 
 def _how(status: int) -> str:

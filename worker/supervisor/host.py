@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Final
 
 import psutil
@@ -43,7 +42,6 @@ class RenderHost:
         self._child: RenderChild | None = None
         self._child_is_for: tuple[str, tuple[int, int]] | None = None
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
-        self._files: Path | None = None  # the folder of the scene's files
 
     def warm_up(self, variant: str) -> None:
         """Start a child without waiting for it, so that it is ready for the first lease."""
@@ -93,11 +91,8 @@ class RenderHost:
         )
 
     def take_words(self) -> str:
-        """Return what the child has printed since the last call, without this machine's folders."""
-        words = "" if self._child is None else self._child.take_words()
-        for folder in (self._files, self._files.resolve()) if self._files else ():
-            words = words.replace(f"{folder}/", "")
-        return words
+        """Return what the child has printed since the last call."""
+        return "" if self._child is None else self._child.take_words()
 
     @property
     def trouble(self) -> str | None:
@@ -154,8 +149,8 @@ class RenderHost:
         )
         if self._loaded is None or self._loaded[0] != wanted:
             self._loaded = None
-            self._files, entry = self._scenes.scene(lease.scene_sha256)
-            files, placed = self._files.absolute(), self._scenes.placed
+            folder, entry = self._scenes.scene(lease.scene_sha256)
+            files, placed = folder.absolute(), self._scenes.placed
             roots = placed.link(files)
             here = {name: path_for(value, roots, files) for name, value in parameters.items()}
             loaded = child.load(files, entry, here, spec.sensor, aovs)

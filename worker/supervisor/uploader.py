@@ -230,6 +230,6 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             look=Look.from_text(rendered.scene.look)
             if rendered.scene.look and lease.index == 0
             else None,
-            mattes=rendered.scene.mattes if lease.index == 0 else {},
+            header=rendered.scene.header if lease.index == 0 else {},
         )
     )

@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.seeds import JOB_SEEDS, SeedSchedule
+from plateau.farm.model.spec import texts
 from plateau.farm.model.spec.shared import SharedSpec
 from plateau.farm.model.spec.shot import LEAST_FRAMES
 
@@ -21,7 +22,9 @@ _FROM_NUMPY: Final = BeforeValidator(
 )
 
 #: Values for a scene's ``$parameters``.
-Parameters = dict[str, Annotated[str | _WholeNumber | float | bool, _FROM_NUMPY]]
+Parameters = Annotated[
+    dict[str, Annotated[str | _WholeNumber | float | bool, _FROM_NUMPY]], texts.PARAMETERS
+]
 
 
 def parameter_strings(parameters: Parameters) -> dict[str, str]:

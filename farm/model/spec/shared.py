@@ -10,6 +10,7 @@ from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
+from plateau.farm.model.spec import texts
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
 from plateau.farm.model.spec.exr import ExrSpec
@@ -17,7 +18,7 @@ from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
 from plateau.farm.model.spec.shot import ShotSpec
-from plateau.farm.model.spec.view import ViewSpec
+from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
 from plateau.rules import MOST_SPP, SlopeLimit
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
@@ -58,7 +59,7 @@ def _each_once(names: tuple[AovName, ...]) -> tuple[AovName, ...]:
     return names
 
 
-Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
+Aovs = Annotated[tuple[AovName, ...], texts.LIST, AfterValidator(_each_once)]
 
 #: The most jobs and batches that a job waits for.
 MOST_AFTER: Final = 16
@@ -114,7 +115,7 @@ class SharedSpec(Strict):
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
         "view, denoise), and one that does not is refused, now and later",
     )
-    shot: ShotSpec | None = Field(
+    shot: Annotated[ShotSpec | None, texts.SHOT] = Field(
         default=None,
         description="the batch is a shot, whose frames are judged as a video too: `parameters` is "
         "a list with an entry for each frame, in their order",
@@ -147,23 +148,27 @@ class SharedSpec(Strict):
         description="what image.exr has beside colour, such as albedo, normal or depth",
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
-    rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
-    allocation: AllocationSpec = Field(
+    rule: Annotated[RuleSpec, texts.NAMED] = Field(
+        default_factory=VisibleSpec, description="the rule that ends the job"
+    )
+    allocation: Annotated[AllocationSpec, texts.NAMED] = Field(
         default_factory=FrameAllocation,
         description="where samples go: all over the frame, or to the zones in which more is left "
         "to see",
     )
-    denoise: DenoiseSpec = Field(
+    denoise: Annotated[DenoiseSpec, texts.NAMED] = Field(
         default_factory=NoDenoising,
         description="whether the image that is judged and delivered is denoised; its curve then "
         "has points at growing distances",
     )
-    watch: tuple[RuleSpec, ...] = Field(
+    watch: Annotated[tuple[Annotated[RuleSpec, texts.NAMED], ...], texts.LIST] = Field(
         default=(),
         max_length=16,
         description="rules that are evaluated and reported, and stop nothing",
     )
-    view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is viewed")
+    view: Annotated[ViewSpec, FROM_PLACE] = Field(
+        default_factory=ViewSpec, description="how the image is viewed"
+    )
     zones: tuple[ZoneCount, ZoneCount] = Field(
         default=(4, 4), description="rows and columns of zones that are judged apart"
     )

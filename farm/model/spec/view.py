@@ -4,16 +4,19 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
 from plateau.farm.model.spec.rule_model import Strict
+from plateau.farm.model.spec.texts import COLOUR, LISTED
 
 #: The most rows and columns of a focus: some degrees each, as fine as an eye's own.
 MOST_FOCUS: Final = 32
 
 _Radiance = Annotated[float, Field(ge=0, le=1e6)]
 _Weights = Annotated[
-    tuple[Annotated[float, Field(ge=0, le=1e6)], ...], Field(min_length=1, max_length=MOST_FOCUS)
+    tuple[Annotated[float, Field(ge=0, le=1e6)], ...],
+    Field(min_length=1, max_length=MOST_FOCUS),
+    LISTED,
 ]
 
 
@@ -28,6 +31,7 @@ def _is_a_focus(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...],
 Focus = Annotated[
     tuple[_Weights, ...],
     Field(min_length=1, max_length=MOST_FOCUS),
+    LISTED,
     AfterValidator(_is_a_focus),
 ]
 
@@ -99,7 +103,7 @@ class ViewSpec(Strict):
     primaries: Literal["rec709", "adobe1998"] = Field(
         default="rec709", description="the display's RGB primaries"
     )
-    background: tuple[_Radiance, _Radiance, _Radiance] = Field(
+    background: Annotated[tuple[_Radiance, _Radiance, _Radiance], COLOUR] = Field(
         default=(0.0, 0.0, 0.0),
         description="linear R, G and B behind an image with alpha, where it is judged and in PNG "
         "files; without alpha it changes nothing, nor does it change image.exr",
@@ -113,3 +117,15 @@ class ViewSpec(Strict):
     def of_display(self) -> dict[str, Any]:
         """What `plateau.metric.View` takes: the display and the distance."""
         return self.model_dump(exclude={"background", "focus"})
+
+
+def _of_place(value: Any) -> Any:
+    """The view at a place where people look at images, by the place's name."""
+    if not isinstance(value, str):
+        return value
+    if value not in PLACES:
+        raise ValueError(f"must be {', '.join(PLACES)}, or an object, not {value!r}")
+    return dict(PLACES[value])
+
+
+FROM_PLACE: Final = BeforeValidator(_of_place)

@@ -69,12 +69,13 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
 
 
 def changes(asked: SharedSpec, fit: SharedSpec) -> tuple[str, ...]:
-    """What `fitted` has changed, as notes for people."""
+    """What `fitted` has changed of what was asked for, or of what it costs, as notes for people."""
     return tuple(
         f"{name} is {getattr(fit, name):,} in place of {getattr(asked, name):,}: steps and the cap "
         "are whole numbers of slices"
         for name in _NAMES
         if getattr(fit, name) != getattr(asked, name)
+        and (name == "max_spp" or name in asked.model_fields_set)
     )
 
 

@@ -2,7 +2,8 @@
 
 The farm's data are under ``/v1/`` and at ``/metrics``. Everything else (health, the description of
 the API, the web page's files) is the same for everybody and stays open. Every change of a job is
-checked here by its path, so that no route can forget the check.
+checked here by its path, so that no route can forget the check; of a batch, job by job where it is
+steered.
 
 Each request looks its key up: the first key that is made closes an open API at once, and a revoked
 key opens nothing from then on. Long-lived streams look it up again (see `Caller.is_welcome`).

@@ -16,9 +16,6 @@ from plateau.service.api.problems.problem import FieldError, Problem, ProblemTyp
 
 AnySpec = TypeVar("AnySpec", bound=SharedSpec)
 
-#: The tags of a submitted spec's two kinds, with a space so that no field has such a name.
-BRANCHES: Final = ("one job", "many jobs")
-
 #: The most wrong fields that a problem names; a list of parameters may have thousands.
 _MOST_ERRORS: Final = 50
 
@@ -34,7 +31,7 @@ def invalid_request(errors: Sequence[Any]) -> Problem:
 
 
 def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...]) -> Problem:
-    found: dict[str, list[str]] = {}  # several messages if a field may have several types
+    located: list[tuple[tuple[int | str, ...], Any]] = []
     for one in details:
         # A request's location starts with its place: path, query or body.
         location = one["loc"] if within else one["loc"][1:] or one["loc"]
@@ -43,30 +40,16 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
                 continue
             # A query has lists and no objects: other names are those of types.
             location = (*location[:1], *(part for part in location[1:] if isinstance(part, int)))
-        field = ".".join((*within, *_names(location)))
-        found.setdefault(field, []).append(input_errors.message(one))
+        located.append((location, one))
     errors = [
-        FieldError(field=field, message=input_errors.either(messages))
-        for field, messages in list(found.items())[:_MOST_ERRORS]
+        FieldError(field=".".join(filter(None, (*within, field))), message=message)
+        for field, message in list(input_errors.by_field(located).items())[:_MOST_ERRORS]
     ]
     return Problem(
         kind,
         "; ".join(f"{one.field}: {one.message}" for one in errors),
         errors=[one.model_dump() for one in errors],
     )
-
-
-def _names(location: tuple[int | str, ...]) -> list[str]:
-    """The field as the user wrote it, without the branches that the validation tried."""
-    names = [str(part) for part in location if part not in BRANCHES]
-    if names[:1] == ["parameters"]:
-        # The name of one job's parameter; in a list, the entry and the name.
-        names = names[: 3 if any(isinstance(part, int) for part in location) else 2]
-    if names[:1] in (["rule"], ["allocation"], ["denoise"]):
-        names = names[:1] + names[2:]
-    if names[:1] == ["watch"]:
-        names = names[:2] + names[3:]
-    return names
 
 
 def invalid_field(kind: ProblemType, field: str, message: str) -> Problem:

@@ -6,10 +6,11 @@ from typing import Annotated, Any, Final
 
 from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
+from plateau.farm.model.input_errors import BRANCHES
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.spec_checks import BRANCHES, invalid_field, invalid_spec
+from plateau.service.api.problems.spec_checks import invalid_field, invalid_spec
 
 #: Unicode's categories of control and format characters, surrogates and line ends: invisible, and
 #: not allowed in paths.
@@ -21,8 +22,10 @@ _JOB, _BATCH = BRANCHES
 
 
 def _kind(spec: Any) -> str:
-    many = isinstance(spec, dict) and isinstance(spec.get("parameters"), list)
-    return _BATCH if many else _JOB
+    entries = spec.get("parameters") if isinstance(spec, dict) else None
+    # A list of texts is one job's, each NAME=VALUE.
+    one = not isinstance(entries, list) or (entries and all(isinstance(x, str) for x in entries))
+    return _JOB if one else _BATCH
 
 
 _SUBMITTED: Final[TypeAdapter[JobSpec | BatchSpec]] = TypeAdapter(

@@ -93,7 +93,7 @@ def test_an_image_says_what_its_ids_are():
             scene_sha256="0" * 64,
             pixels=film([(BALL, 4)]),
             channels=CHANNELS,
-            mattes=said,
+            header=said,
         )
         content = encode_partial(partial)
         merge.add_partial(decode_partial(content))
@@ -101,7 +101,7 @@ def test_an_image_says_what_its_ids_are():
     # Then a monitor that goes on from a checkpoint knows it, too
     other = Merge(slice_spp=4)
     other.restore(merge.slices, merge.arrays(), merge.about())
-    assert merge.mattes == other.mattes == names
+    assert merge.header == other.header == names
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,29 @@ def test_it_waits_for_its_minimum_of_samples():
     assert stops == [False, False, True, True]
 
 
+@pytest.mark.parametrize("side", [1, 4, 16, 64])
+@pytest.mark.parametrize("target", [0.0002, 0.5, 0.99])
+def test_no_image_ends_whose_pixels_all_differ_or_more_than_the_fraction_asked_for(side, target):
+    noise = np.random.default_rng(1).normal(0, 1, (2, side, side, 3))
+    seen = [
+        Evidence(spp, noise[0], tuple(Half(np.float32(GREY + n), spp // 2) for n in noise), METRIC)
+        for spp in (400, 800, 1600)
+    ]
+    last = [verdict for rule in [Visible(target=target)] for verdict in map(rule.judge, seen)][-1]
+    assert last.numbers["allowed_pixels"] == pytest.approx(target * side**2)
+    assert last.stop == (last.numbers["estimate_pixels"] <= target * side**2)
+    assert last.numbers["estimate_pixels"] < side**2 or not last.stop
+    assert side > 1 or not last.stop
+    assert ("none, at this size" in last.reason) == (target * side**2 < 0.5)
+
+
+def test_a_small_image_ends_once_no_pixel_differs():
+    grey = np.full((4, 4, 3), GREY, np.float32)
+    seen = [Evidence(spp, grey, (Half(grey, spp // 2),) * 2, METRIC) for spp in (400, 800)]
+    rule = Visible()
+    assert [rule.judge(one).stop for one in seen] == [False, True]
+
+
 def test_without_halves_it_waits():
     grey = np.full((8, 8, 3), GREY, np.float32)
     verdict = Visible().judge(Evidence(1000, grey, None, METRIC))

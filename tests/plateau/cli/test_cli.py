@@ -215,7 +215,7 @@ class TestOptions:
             (["--aov", "uv", "--aov", "uv"], "--aov: each AOV may be named once"),
             (["--exr-precision", "double"], "--exr-precision: must be float or half"),
             (["--exr-compression", "dwaa"], "--exr-compression: must be none, rle, zips, zip or"),
-            (["--background", "white"], "--background takes R,G,B, not 'white'"),
+            (["--background", "white"], "--background: takes R,G,B, not 'white'"),
             (["--background", "0,0,-1"], "--background: must be at least 0"),
             (["-D", "width"], "NAME=VALUE"),
             (["-D", "=3"], "NAME=VALUE"),

@@ -14,7 +14,7 @@ import plateau as package
 import plateau.client.errors
 import plateau.errors
 from plateau import ApiError, AsyncClient, BadId, Client, ClientError, TimedOut, Unreachable
-from plateau.client import BadUrl, NoImageYet, UnknownJob, UnknownScene
+from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.versions import plateau as version
@@ -35,7 +35,7 @@ class TestScenes:
         spec = JobSpec(max_spp=200, seed=1)
         job = plateau.submit("scenes:box", spec, seed=2, view={"exposure_ev": 1})
         assert (job.spec.max_spp, job.spec.seed, job.spec.view.exposure_ev) == (200, 2, 1.0)
-        with pytest.raises(ValueError, match="max_sp"):
+        with pytest.raises(InvalidSpec, match="max_sp"):
             plateau.submit("scenes:box", max_sp=200)
 
     def test_numbers_of_numpy(self, plateau: Client) -> None:
@@ -53,9 +53,9 @@ class TestScenes:
 def test_any_cap_will_do_and_a_note_says_what_it_takes(
     plateau: Client, client: redis.Redis
 ) -> None:
-    job = plateau.submit("scenes:box", max_spp=10)
+    job = plateau.submit("scenes:box", max_spp=10, slice_spp=20)
     assert (job.spec.max_spp, job.spec.slice_spp) == (10, 10)
-    note = "slice_spp is 10 in place of 25: steps and the cap are whole numbers of slices"
+    note = "slice_spp is 10 in place of 20: steps and the cap are whole numbers of slices"
     assert job.notes == (note,)
     # It stays with those of the worker
     staged = StagedJob(client, job.id)

@@ -144,6 +144,11 @@ def test_the_package_offers_the_client_without_loading_it() -> None:
         from plateau import Klient  # noqa: F401
 
 
+def test_the_client_loads_no_settings_of_the_farm() -> None:
+    program = "import sys; from plateau import Client; sys.exit('pydantic_settings' in sys.modules)"
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
 class TestVersions:
     def test_a_command_is_not_for_a_service_of_another(
         self, server: Callable[[Answers], str]

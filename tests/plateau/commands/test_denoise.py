@@ -58,6 +58,20 @@ def test_renders_become_a_clean_one_and_a_figure(tmp_path: Path, count: int) -> 
     assert 0 <= found["denoised.weight"].min() <= found["denoised.weight"].max() <= 1
 
 
+def lose(file: Path, pixels: int, to: Path) -> None:
+    planes = decode_layers(file.read_bytes())
+    planes["G"][0, :pixels] = np.nan
+    to.write_bytes(encode_layers(planes, {}))
+
+
+def test_pixels_that_are_no_numbers_are_counted_and_their_file_is_named(tmp_path: Path) -> None:
+    one, other = renders(tmp_path, 2)
+    lose(other, 2, other)
+    code, said, _ = plateau("denoise", one, other, "-o", tmp_path / "clean.exr")
+    assert code == 0
+    assert f"left out: {other}: 2 of 3,072 pixels (0.0651 %) are NaN" in said
+
+
 def test_albedo_and_normals_guide_it_where_all_have_them(tmp_path: Path) -> None:
     files, out = renders(tmp_path, 2, guided=True), tmp_path / "clean.exr"
     assert json.loads(plateau("denoise", *files, "-o", out, "--json")[1])["guides"]
@@ -72,13 +86,17 @@ def test_albedo_and_normals_guide_it_where_all_have_them(tmp_path: Path) -> None
         (["0", "none"], "none.exr: No such file"),
         (["0", "broken"], "broken.exr: the EXR file is damaged"),
         (["0", "small"], "differ in size: 4×4, 64×48"),
+        (["0", "1", "again"], "0.exr and "),
+        (["0", "lost"], "lost.exr: 5 of 3,072 pixels (0.163 %) are NaN: at most 3 may be"),
         (["0", "clean"], "would overwrite an image that is read"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused_in_words(
     tmp_path: Path, chosen: list[str], words: str
 ) -> None:
-    renders(tmp_path, 3)
+    files = renders(tmp_path, 3)
+    (tmp_path / "again.exr").write_bytes(files[0].read_bytes())
+    lose(files[2], 5, tmp_path / "lost.exr")
     (tmp_path / "broken.exr").write_bytes(b"\x76\x2f\x31\x01 and then nothing")
     small = {name: np.zeros((4, 4), np.float32) for name in "RGB"}
     (tmp_path / "small.exr").write_bytes(encode_layers(small, {}))

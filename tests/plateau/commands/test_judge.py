@@ -58,6 +58,14 @@ def test_kept_slices_are_judged_at_each_step(slices: Path) -> None:
     assert (judged.width, judged.height) == (32, 24)
 
 
+def test_copies_of_one_image_are_no_series(tmp_path: Path) -> None:
+    image = encode_image(noise_film(0, 10, 0.5)[..., :3] / 10)
+    for index in range(SLICES):
+        (tmp_path / f"{index}.exr").write_bytes(image)
+    with pytest.raises(CommandFailed, match=r"0.exr and .*1.exr have the same noise"):
+        judge_series(find_series(tmp_path, image_spp=10, cumulative=False), SPEC)
+
+
 def test_images_and_cumulative_images_judge_as_their_slices_do(
     slices: Path, tmp_path: Path
 ) -> None:

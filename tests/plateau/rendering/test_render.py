@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import plateau
-from plateau import RenderFailed, Result
+from plateau import InvalidSpec, RenderFailed, Result
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleError
 from tests.support.farms.real_farm import RealFarm
@@ -194,7 +194,7 @@ def test_what_is_wrong_is_told_before_anything_starts(tmp_path: Path) -> None:
         TypeError, match="a scene is a path, scenes:NAME or a Mitsuba dict, not int"
     ):
         plateau.render(3)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="max_sp"):
+    with pytest.raises(InvalidSpec, match=r"spec\.max_sp: there is no such field"):
         plateau.render("scenes:box", max_sp=100)
     (tmp_path / "file").touch()
     with pytest.raises(CommandFailed, match="is a file"):

@@ -1,9 +1,10 @@
 """Scenes as Mitsuba dicts, for a process that has Mitsuba."""
 
+import contextlib
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -107,7 +108,12 @@ REFUSED: dict[str, Callable[[], object]] = {
         {"type": "rectangle", "emitter": {"type": "area"}}
     ),
     "x.value.data is a tensor, and 'sphere'": lambda: {"type": "sphere", "data": [1.0]},
-    "with unknown object type and plugin name": lambda: {"type": "spheres"},
+    "has the type 'spheres', which Mitsuba does not have; did you mean 'sphere'?": (
+        lambda: {"type": "spheres"}
+    ),
+    "x.value names the folder 'nowhere', which is not there": (
+        lambda: {"type": "resources", "path": "nowhere"}
+    ),
 }
 
 
@@ -122,6 +128,39 @@ def refusal(said: str) -> str:
         except BundleError as error:
             return f"{error.code}: {error}"
     return "nothing"
+
+
+def picture_by_resources(folder: Path, *, absolute: bool, first: bool) -> str:
+    """The name in the written XML of a picture that is in the dict's resources."""
+    import mitsuba as mi
+
+    mi.Bitmap(np.full((2, 2, 3), 128, np.uint8)).write(str(folder / "there" / "i.png"))
+    resources = {"type": "resources", "path": str(folder / "there") if absolute else "there"}
+    parts = [("a", resources), ("b", _WITH_PICTURE)][:: 1 if first else -1]
+    with contextlib.chdir(folder):
+        return _picture_of(dict(parts))
+
+
+def missing_picture() -> str:
+    """What is said of a picture that is nowhere."""
+    try:
+        return _picture_of({"b": _WITH_PICTURE})
+    except BundleError as error:
+        return f"{error.code}: {error}"
+
+
+_WITH_PICTURE: Final = {
+    "type": "sphere",
+    "bsdf": {"type": "diffuse", "reflectance": {"type": "bitmap", "filename": "i.png"}},
+}
+
+
+def _picture_of(parts: dict[str, Any]) -> str:
+    from plateau.worker.renderers.mitsuba.scene_dict import write_scene_dict
+
+    with tempfile.TemporaryDirectory() as out:
+        written = write_scene_dict({"type": "scene", **parts}, Path(out))
+        return next(iter(written.parent.rglob("*.png"))).name
 
 
 def _loaded(scene: dict[str, Any]) -> object:

@@ -38,6 +38,7 @@ ANSWERS = [
     contract.Stopped(),
     contract.SceneRefused(message="no such plugin"),
     contract.DiskFull(message="No space left on device"),
+    contract.Failed(message="out of memory: std::bad_alloc"),
 ]
 
 

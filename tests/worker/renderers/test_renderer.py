@@ -283,6 +283,7 @@ class TestRawFilm:
     def test_a_crop_window_is_the_film(self, mitsuba):
         loaded = mitsuba.load(ROOM, sensor=1)
         assert (loaded.width, loaded.height) == (17, 11)
+        assert loaded.header["plateau:crop"].startswith("8 4 ")
         cropped = mitsuba.render_pass(256, 0)
         assert cropped.shape == (11, 17, 4)
         # And it shows its part of the whole picture
@@ -375,6 +376,11 @@ REFUSALS = {
     "no integrator": ([('<integrator type="path"/>', "")], {}, "the scene has no integrator"),
     "a film that is no hdrfilm": ([('"hdrfilm"', '"specfilm"')], {}, "is a 'specfilm'"),
     "particle tracing": ([('"path"', '"ptracer"')], {}, "'ptracer' does not sample pixel by pixel"),
+    "Stokes vectors": (
+        [('<integrator type="path"/>',
+          '<integrator type="stokes"><integrator type="path"/></integrator>')],
+        {}, "'stokes' renders whole films alone|polarized"
+    ),
     "differentiable rendering": (
         [('"path"', '"prb"')], {}, "'PRBIntegrator' is made for diff|Plugin \"prb\" not found"
     ),

@@ -1,6 +1,8 @@
 """A scene given as a Mitsuba dict becomes files, of which Mitsuba renders the same image."""
 
 from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,3 +34,19 @@ def test_the_same_dict_gives_the_same_files(mitsuba: MitsubaProcess) -> None:
 def test_what_cannot_be_written_is_named(mitsuba: MitsubaProcess, said: str) -> None:
     assert said in mitsuba.call(scene_dicts.refusal, said)
     assert mitsuba.call(scene_dicts.refusal, said).startswith("unwritable-dict: ")
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_files_are_found_in_its_resources(
+    mitsuba: MitsubaProcess, tmp_path: Path, absolute: bool, first: bool
+) -> None:
+    (tmp_path / "there").mkdir()
+    picture = partial(scene_dicts.picture_by_resources, absolute=absolute, first=first)
+    assert mitsuba.call(picture, tmp_path) == "i.png"
+
+
+def test_a_file_that_is_nowhere_is_named_where_the_dict_names_it(mitsuba: MitsubaProcess) -> None:
+    said = mitsuba.call(scene_dicts.missing_picture)
+    assert said.startswith("missing-file: b.bsdf.reflectance.filename names 'i.png', which is in")
+    assert "scene.xml" not in said

@@ -10,6 +10,7 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.states import JobState
+from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import ChildDied, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.until import until
@@ -65,6 +66,22 @@ def test_the_words_of_a_dead_child_are_there_still(child: RenderChild, tmp_path:
         child.load(folder, "scene.xml", SMALL, 0)
     assert WARNING in child.take_words()
     assert child.take_words() == ""
+
+
+def test_a_name_is_no_lack_of_memory(child: RenderChild, tmp_path: Path) -> None:
+    # Given a mesh whose normal has no length, under a name that says something else
+    (tmp_path / "out of memory.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\n"
+    )
+    (tmp_path / "scene.xml").write_text(
+        '<scene version="3.0.0"><integrator type="path"/><sensor type="perspective"/>'
+        '<shape type="obj"><string name="filename" value="out of memory.obj"/></shape></scene>'
+    )
+    # Then it is the scene's fault, told without a folder of the worker's
+    with pytest.raises(SceneError, match="invalid vertex normal") as refused:
+        child.load(tmp_path, "scene.xml", {}, 0)
+    assert str(tmp_path) not in str(refused.value)
+    assert child.alive
 
 
 def log(bench: Bench, job_id: str) -> list[LogEntry]:

@@ -42,6 +42,13 @@ _KINDS_OF_LIGHT = {
     "polarized": "polarisation is rendered, and not stored",
 }
 
+#: The integrator that stores polarisation, in a film of its own making.
+_STOKES = "stokes"
+_STOKES_AS_A_WHOLE = (
+    "the integrator 'stokes' renders whole films alone, which the farm leaves to Mitsuba in scalar "
+    "variants: choose the variant scalar_spectral_polarized, or take the integrator inside it"
+)
+
 #: The film's pixel formats with alpha.
 _WITH_ALPHA = {"rgba", "luminance_alpha", "xyza"}
 
@@ -54,6 +61,11 @@ def adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
         if kind not in kinds:
             raise SceneError(f"the scene has no {name}; add a <{name}> to it")
     notes = [note for kind, note in _KINDS_OF_LIGHT.items() if kind in variant]
+    if any(node.props.plugin_name() == _STOKES for node in nodes):
+        if not variant.startswith("scalar"):
+            raise SceneError(_STOKES_AS_A_WHOLE)
+        if "polarized" in variant:
+            notes[-1] = "polarisation is rendered, and stored as the AOVs S0 to S3"
     for node in nodes:
         if node.props.plugin_name() == "moment":
             notes += _unwrap(node, nodes)

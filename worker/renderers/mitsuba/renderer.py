@@ -77,6 +77,7 @@ class Renderer:
             ids=one.channels.ids,
             border=0 if self._kernel is None else self._kernel.border,
             notes=one.notes,
+            header=one.header,
         )
 
     def render(

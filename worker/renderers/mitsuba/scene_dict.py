@@ -10,18 +10,23 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import mitsuba as mi
 import numpy as np
 
-from plateau.farm.bundle import BundleError
+from plateau.farm.bundle import BundleError, known_plugins
+from plateau.farm.bundle.plugins import guess
 
 #: The plugins whose value `data`, a tensor, is that of a texture or of a volume.
 _TEXTURES: Final = frozenset({"bitmap"})
 _VOLUMES: Final = frozenset({"gridvolume"})
+#: The type of what is no part of a scene: a folder in which its files are looked up.
+_RESOURCES: Final = "resources"
+#: Types that stand for something else than a plugin.
+_NO_PLUGINS: Final = frozenset({"ref", "rgb", "scene", "spectrum"})
 _GAMMA_TYPES: Final = (mi.Struct.Type.UInt8, mi.Struct.Type.UInt16)
 #: Makes the resolver of file names.
 _FILES: Final[Any] = mi.file_resolver
@@ -40,19 +45,20 @@ def write_scene_dict(scene: Mapping[str, Any], folder: Path) -> Path:
     scene
         Its type is ``scene``. Values may be plain, nested dicts, numpy or Dr.Jit arrays of one
         entry, transforms, bitmaps, tensors, volume grids and meshes. Files are looked up as Mitsuba
-        does it: by its file resolver, then in the working folder.
+        does it: in its ``resources``, by Mitsuba's file resolver, then in the working folder.
 
     Raises
     ------
     BundleError
-        ``unwritable-dict``: a value cannot be written; the message names its place.
+        ``unwritable-dict``: a value cannot be written; ``missing-file``: there is no such file. The
+        message names its place.
     """
     if scene.get("type") != "scene":
         raise _unwritable("the dict", f"has the type {scene.get('type')!r}, not 'scene'")
     if mi.variant() is None:  # Mitsuba has no classes without one
         mi.set_variant("scalar_rgb")
     (made := folder / "made").mkdir()
-    plain = _Files(made).node("", scene)
+    plain = _Files(made, tuple(_resources("", scene))).node("", scene)
     config = mi.parser.ParserConfig(str(mi.variant()))
     try:
         state = mi.parser.parse_dict(config, plain)
@@ -60,15 +66,46 @@ def write_scene_dict(scene: Mapping[str, Any], folder: Path) -> Path:
         mi.parser.transform_relocate(config, state, str(written))
         mi.parser.write_file(state, str(written / "scene.xml"))
     except (RuntimeError, TypeError) as error:
+        _check_plugins("", plain)
         raise BundleError("unwritable-dict", f"Mitsuba refuses the dict: {error}") from error
     return written / "scene.xml"
+
+
+def _resources(where: str, node: Mapping[str, Any]) -> Iterator[Path]:
+    """The folders in which a dict has files looked up, wherever it names them."""
+    for key, value in node.items():
+        if not isinstance(value, Mapping):
+            continue
+        place = f"{where}.{key}".removeprefix(".")
+        if value.get("type") != _RESOURCES:
+            yield from _resources(place, value)
+            continue
+        folder = Path(str(_FILES().resolve(str(value.get("path", "")))))
+        if not folder.is_dir():
+            raise _unwritable(
+                place, f"names the folder {str(value.get('path'))!r}, which is not there"
+            )
+        yield folder
+
+
+def _check_plugins(where: str, node: Mapping[str, Any]) -> None:
+    """Say which plugin of a dict Mitsuba does not have, if it is that which it refuses."""
+    plugin, known = str(node.get("type")), known_plugins()
+    if known and plugin not in known and plugin not in _NO_PLUGINS:
+        raise _unwritable(
+            where, f"has the type {plugin!r}, which Mitsuba does not have{guess(plugin, known)}"
+        )
+    for key, value in node.items():
+        if isinstance(value, Mapping):
+            _check_plugins(f"{where}.{key}".removeprefix("."), value)
 
 
 class _Files:
     """The plain values of a dict, and the files of the others."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, resources: tuple[Path, ...]) -> None:
         self._folder = folder
+        self._resources = resources
         self._numbers = itertools.count(1)
 
     def node(self, where: str, node: Mapping[str, Any]) -> dict[str, Any]:
@@ -77,6 +114,8 @@ class _Files:
         for key, value in node.items():
             if not isinstance(key, str):
                 raise _unwritable(where or "the dict", f"has the key {key!r}, which is no text")
+            if isinstance(value, Mapping) and value.get("type") == _RESOURCES:
+                continue
             place = f"{where}.{key}".removeprefix(".")
             file = self._file(place, node.get("type"), key, value)
             if file is not None:
@@ -99,7 +138,7 @@ class _Files:
         if isinstance(value, os.PathLike):
             value = os.fspath(value)
         if key == "filename" and isinstance(value, str):
-            return str(_FILES().resolve(value))
+            return self._existing(where, value)
         if isinstance(value, str | bool | int | float):
             return value
         if isinstance(value, list | tuple):
@@ -127,6 +166,18 @@ class _Files:
         if plugin in _TEXTURES:
             return self._bitmap(mi.Bitmap(tensor))
         raise _unwritable(where, f"is a tensor, and {plugin!r} can read none from a file")
+
+    def _existing(self, where: str, name: str) -> str:
+        for folder in self._resources:
+            if (folder / name).exists():
+                return str(folder / name)
+        found = str(_FILES().resolve(name))
+        if not Path(found).exists():
+            folders = ", ".join(map(str, (*self._resources, Path.cwd())))
+            raise BundleError(
+                "missing-file", f"{where} names {name!r}, which is in none of {folders}"
+            )
+        return found
 
     def _bitmap(self, bitmap: mi.Bitmap) -> Path:
         """A PNG of the integers that one holds, in sRGB; otherwise an OpenEXR file."""

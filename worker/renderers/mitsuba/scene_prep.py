@@ -5,6 +5,7 @@ Part of the render child: imports Mitsuba.
 
 from __future__ import annotations
 
+import sys
 import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,13 +17,15 @@ import drjit as dr
 import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
+from plateau.farm.images.crops import crop_header
 from plateau.farm.model.seeds import SCALAR_BLOCK
+from plateau.worker.renderers.causes import first_words, without_folders
 from plateau.worker.renderers.contract import SceneError, check_aovs
 from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
 from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from plateau.farm.model.aovs import AovName
     from plateau.worker.renderers.contract import Load
@@ -55,6 +58,8 @@ class PreparedScene:
         What the film has.
     notes : tuple of str
         What was changed in the scene, a sentence each.
+    header : mapping of str to str
+        The place of a crop window in the film; empty where it has none.
     """
 
     scene: Any
@@ -65,6 +70,7 @@ class PreparedScene:
     height: int
     channels: FilmChannels
     notes: tuple[str, ...]
+    header: Mapping[str, str]
 
 
 def prepare(variant: str, request: Load) -> PreparedScene:
@@ -110,31 +116,30 @@ def with_aovs(variant: str, one: PreparedScene, request: Load) -> PreparedScene:
 
 
 @contextmanager
-def scene_errors(folder: Path | None = None) -> Iterator[None]:
-    """Turn what Mitsuba raises into `SceneError`, save for a lack of memory, which passes.
+def scene_errors(*folders: Path) -> Iterator[None]:
+    """Turn what Mitsuba raises into `SceneError`, save for `MemoryError`, which passes.
 
     Whatever it is, the same scene would raise it again. Where Python code of Mitsuba's or of a
     plugin raises it, the traceback is printed for the slice's log, and the message is one line.
 
     Parameters
     ----------
-    folder : Path, optional
-        Where this machine keeps the scene; messages are told without it.
+    folders : Path
+        Where this machine keeps the scene; messages are told without them.
     """
     try:
         yield
-    except SceneError:
+    except (SceneError, MemoryError):
         raise
     except Exception as error:
-        message = str(error).strip() or type(error).__name__
-        if isinstance(error, MemoryError) or "memory" in message.lower():
-            raise MemoryError(message) from error
+        message = without_folders(str(error).strip(), folders) or type(error).__name__
+        first = first_words(message)
         if len(traceback.extract_tb(error.__traceback__)) > _OUR_FRAMES:
             traceback.print_exception(error)
-            message = f"{type(error).__name__}: {message.splitlines()[0]}"
-        for prefix in (folder, folder.resolve()) if folder else ():
-            message = message.replace(f"{prefix}/", "")
-        raise SceneError(message) from error
+            first = f"{type(error).__name__}: {' '.join(first.split())}"
+        elif first != message:
+            print(message, file=sys.stderr, flush=True)
+        raise SceneError(first) from error
 
 
 @cache
@@ -183,7 +188,7 @@ def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> P
         )
     sensor = sensors[request.sensor]
     film = sensor.film()
-    width, height = (int(size) for size in film.crop_size())
+    width, height = _pair(film.crop_size())
     if width * height > BundleLimits().max_pixels:
         raise SceneError(
             f"the film has {width}×{height} pixels, and the farm renders "
@@ -201,7 +206,14 @@ def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> P
             f"the variant {variant} would average the numbers in the channel "
             f"{channels.ids[0]}; ask for an LLVM or CUDA variant, or leave this AOV out"
         )
-    return PreparedScene(scene, sensor, film, integrator, width, height, channels, notes)
+    whole = _pair(film.size())
+    header = {} if (width, height) == whole else crop_header(_pair(film.crop_offset()), whole)
+    return PreparedScene(scene, sensor, film, integrator, width, height, channels, notes, header)
+
+
+def _pair(of_film: Any) -> tuple[int, int]:
+    x, y = map(int, of_film)
+    return x, y
 
 
 def _checked(integrator: Any) -> Any:

@@ -71,11 +71,21 @@ def test_slices_that_exist_keep_their_size() -> None:
 
 
 def test_changes_are_told() -> None:
-    asked = JobSpec(max_spp=10)
+    asked = JobSpec(max_spp=10, slice_spp=20)
     assert changes(asked, fitted(asked)) == (
-        "slice_spp is 10 in place of 25: steps and the cap are whole numbers of slices",
+        "slice_spp is 10 in place of 20: steps and the cap are whole numbers of slices",
     )
     assert changes(JobSpec(), fitted(JobSpec())) == ()
+
+
+@pytest.mark.parametrize("cap", [10, 64, 256, 1000])
+def test_what_nobody_asked_for_changes_without_a_word(cap: int) -> None:
+    assert changes(JobSpec(max_spp=cap), fitted(JobSpec(max_spp=cap))) == ()
+
+
+def test_another_cap_is_always_told() -> None:
+    (note,) = changes(JobSpec(max_spp=997), fitted(JobSpec(max_spp=997)))
+    assert note.startswith("max_spp is 975 in place of 997: ")
 
 
 @given(
