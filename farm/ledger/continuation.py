@@ -19,7 +19,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger import records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.aovs import GUIDED_SPP
@@ -42,7 +42,7 @@ from plateau.rules import MOST_SPP, as_offered
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
 _OWN: Final = (
-    *("batch", "at_once", "budget_core_hours", "flicker_guard", "shot"),
+    *("batch", "at_once", "budget_core_hours", "shot"),
     *("webhook", "notify", "after", "then"),
 )
 #: ... and that all points of a curve have in common.
@@ -132,10 +132,9 @@ class Continuations:
         ------
         JobNotFound, CannotContinue
             The job, or what was left of it, went in the meantime.
-        TooManyJobs, TooManyNeeds, UnevenBatch
+        TooManyJobs, TooManyNeeds
             As `Jobs.create` raises them.
         """
-        compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         name = spec.name or job.name
         new = records.new_job(
@@ -153,9 +152,6 @@ class Continuations:
                 idempotency=request_key(idempotency_key, owner),
                 digest=digest,
                 priority=spec.priority,
-                batch=spec.batch or "",
-                guarded=spec.flicker_guard,
-                compared=compared,
             )
         )
         if made.outcome == "missing":
@@ -197,7 +193,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
-    denoising with a name replaces the whole of it. The batch, the guard, the shot, the webhook, the
+    denoising with a name replaces the whole of it. The batch, the shot, the webhook, the
     targets of notifications, the commands and the jobs that it came after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))

@@ -168,7 +168,6 @@ def new_job(
         **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
         "batch": spec.batch or "",
-        "guards": 1 if spec.flicker_guard else "",
         "planned": 0,
         "issued": 0,
         "ready": 0,

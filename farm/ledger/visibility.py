@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from plateau.farm.ledger import guarded_batches
 from plateau.farm.model.batch import Steered
-from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound, UnevenBatch
-from plateau.farm.model.spec import stored_spec
+from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
@@ -34,8 +32,6 @@ class Visibilities:
         ------
         JobNotFound, JobNotEnded
             There is no such job, or it has not ended.
-        UnevenBatch
-            Its batch is guarded by now, and the job did not stop as the batch's jobs do.
         """
         made = self._set(job_id, visibility)
         if made.outcome == "illegal":
@@ -59,8 +55,6 @@ class Visibilities:
         ------
         BatchNotFound
             There is no such batch.
-        UnevenBatch
-            As for `set`; the jobs before that one are restored.
         """
         with unavailable_as_farm_error():
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
@@ -93,29 +87,7 @@ class Visibilities:
         return steered
 
     def _set(self, job_id: str, visibility: Visibility) -> MadeVisible:
-        made = MadeVisible(outcome="changed")
-        while made.outcome == "changed":  # another job has joined the batch since it was compared
-            compared = "" if visibility is Visibility.DELETED else self._compared(job_id)
-            made = self._scripts.run(
-                SetVisibility(job=job_id, visibility=visibility.value, compared=compared)
-            )
-        return made
-
-    def _compared(self, job_id: str) -> str:
-        """The number of the newest job of the guarded batch that a deleted job may join again."""
-        with unavailable_as_farm_error():
-            is_deleted = self._redis.hexists(keys.job(job_id, "sealed"), "deleted_at")
-            batch, spec = self._redis.hmget(keys.job(job_id), "batch", "spec")
-        if not is_deleted or not batch or spec is None:
-            return ""
-        try:
-            return guarded_batches.compared(self._redis, batch, stored_spec(spec))
-        except UnevenBatch as error:
-            error.remedy = (
-                f"job {job_id} stays deleted: fetch its results before a sweep removes it, or "
-                "submit its scene again, as the jobs of the batch are or in another batch"
-            )
-            raise
+        return self._scripts.run(SetVisibility(job=job_id, visibility=visibility.value))
 
     def _deleted_from(self, batch: str) -> Sequence[str]:
         """The deleted jobs that were in the batch, by their number of creation."""

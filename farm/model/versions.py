@@ -24,7 +24,7 @@ from functools import cache
 from typing import Final
 
 #: The layout that this Plateau reads and writes.
-LAYOUT: Final = 1
+LAYOUT: Final = 2
 
 #: This Plateau speaks these versions of the protocol and all between.
 OLDEST: Final = 2

@@ -95,7 +95,6 @@ _MONITOR: Final = (
     keys.ARCHIVED,
     keys.DELETED,
     keys.BATCHES,
-    keys.GUARDED,
     keys.GATES,
     f"{PREFIX}gate:*",
     f"{PREFIX}turns:*",

@@ -33,7 +33,6 @@ plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs 
 plateau:jobs:archived     zset    archived jobs, scored as in plateau:jobs             till restored
 plateau:jobs:deleted      zset    deleted jobs, which are in no batch, scored so       till restored
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
-plateau:batches:guarded   set     batches whose jobs must all stop alike               its jobs'
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
                                   NUMBER NAME"; see after.lua
@@ -144,7 +143,6 @@ IDLE: Final = PREFIX + "idle"
 ARCHIVED: Final = PREFIX + "jobs:archived"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
-GUARDED: Final = PREFIX + "batches:guarded"
 GATES: Final = PREFIX + "gates"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
@@ -271,7 +269,7 @@ local function job_key(id, part)
   return PREFIX .. 'job:' .. id
 end
 local SPENT, TROUBLES = '{SPENT}', '{TROUBLES}'
-local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
+local BATCHES, GATES = '{BATCHES}', '{GATES}'
 local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
 local function study_key(id, part)
   return PREFIX .. 'study:' .. id .. (part and ':' .. part or '')

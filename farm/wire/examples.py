@@ -31,7 +31,6 @@ BATCH_SPEC: Final[dict[str, Any]] = {
     "max_spp": 2000,
     "min_spp": 300,
     "batch": "exposures",
-    "flicker_guard": True,
     "parameters": [{"width": 256, "height": 256}, {"width": 320, "height": 256}],
 }
 
@@ -317,9 +316,6 @@ PROBLEM_DETAILS: Final = {
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
     "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 "
     "leaves nothing to render",
-    "uneven-batch": f"batch 'exposures' is guarded against flicker, so its jobs must stop "
-    f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
-    "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
     "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be archived, "
     "deleted or tried again: cancel it first",

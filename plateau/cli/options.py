@@ -76,7 +76,6 @@ AMONG_MANY: Final = (
     "batch",
     "at_once",
     "budget",
-    "flicker_guard",
     "shot",
 )
 
@@ -291,12 +290,6 @@ def spec_from_options(
             help="Core hours that the batch, or the job without one, may cost; then its jobs end.",
         ),
     ] = None,
-    flicker_guard: Annotated[
-        bool,
-        typer.Option(
-            "--flicker-guard", help="Refuse jobs that stop differently from the rest of the batch."
-        ),
-    ] = False,
     shot: Annotated[
         str | None,
         typer.Option(

@@ -71,7 +71,7 @@ KINDS: Final = (
     ),
     Kind(
         name="batch",
-        spec={**_FIXED, "flicker_guard": True, "at_once": 2, "parameters": _SMALL},
+        spec={**_FIXED, "at_once": 2, "parameters": _SMALL},
         frames=tuple({"level": level} for level in (0.3, 0.5, 0.7)),
     ),
     Kind(

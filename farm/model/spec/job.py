@@ -47,9 +47,7 @@ class JobSpec(SharedSpec):
     )
 
     @model_validator(mode="after")
-    def _guards_a_batch(self) -> "JobSpec":
-        if self.flicker_guard and self.batch is None:
-            raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
+    def _limits_a_batch(self) -> "JobSpec":
         if self.at_once is not None and self.batch is None:
             raise ValueError("at_once limits a batch, and there is none: name one as batch")
         return self

@@ -106,11 +106,6 @@ class SharedSpec(Strict):
         description="once the jobs of its batch that have a budget, or it alone without a batch, "
         "have cost so many core hours, it ends with its image, or is cancelled if it has no slice",
     )
-    flicker_guard: bool = Field(
-        default=False,
-        description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
-        "view, denoise), and one that does not is refused, now and later",
-    )
     shot: ShotSpec | None = Field(
         default=None,
         description="the batch is a shot, whose frames are judged as a video too: `parameters` is "

@@ -10,7 +10,7 @@ from plateau.farm.redis.commands.command import Command
 class MadeVisible:
     """The answer to a change of a job's visibility."""
 
-    outcome: Literal["done", "illegal", "changed"]
+    outcome: Literal["done", "illegal"]
     state: str = ""  #: if illegal, the state that forbids it, or ``missing``
     before: str = ""  #: if done, the visibility before
 
@@ -21,4 +21,3 @@ class SetVisibility(Command[MadeVisible]):
 
     job: str
     visibility: str
-    compared: str  #: number of the newest job of its guarded batch that it was compared with, or ""

@@ -64,7 +64,6 @@ CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "Job not paused")
 CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "Job cannot be continued")
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "Image cannot be reproduced")
 CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "Study cannot be created")
-UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "Job conflicts with the flicker guard")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools, tags and blocked workers"
 )

@@ -65,7 +65,6 @@ def unblock_worker(job_id: JobId, worker: _Worker, farm: Farm, who: CallerOf) ->
         **documented(
             problems.UNKNOWN_JOB,
             problems.JOB_NOT_ENDED,
-            problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,
             problems.TOO_MANY_NEEDS,
             problems.KEY_REUSED,

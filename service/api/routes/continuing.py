@@ -46,7 +46,6 @@ _ROUTE: Final[dict[str, Any]] = {
             problems.MALFORMED_REQUEST,
             problems.UNKNOWN_JOB,
             problems.CANNOT_CONTINUE,
-            problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,
             problems.KEY_REUSED,
             problems.UPLOAD_TOO_LARGE,

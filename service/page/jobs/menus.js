@@ -9,7 +9,6 @@ import { file, filingButtons, filings, putBack } from "../shared/job_filing.js";
 import { ENDED } from "../shared/job_summary.js";
 import { attempt, complain, offerUndo, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
-import { showGuard } from "./flicker_guard.js";
 import { showShot } from "./shot_dialog.js";
 
 /** @import { Filing } from "../shared/job_filing.js" */
@@ -72,16 +71,14 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
   }
   const menu = menuButton(() => {
     const states = new Set(jobsNow().filter((job) => !ENDED.has(job.state)).map((job) => job.state));
-    const guard = !jobsNow()[0].deleted_at && h("button", { onclick: () => showGuard(batch, nameOf) }, "Will it flicker?");
     const shot = jobsNow().some((job) => job.in_shot) && h("button", { onclick: () => showShot(batch, nameOf) }, "Look at the shot");
-    if (!maySubmit()) return [shot, guard || h("p", {}, "Your key may not change it.")];
+    if (!maySubmit()) return [shot || h("p", {}, "Your key may not change it.")];
     const ended = new Set(jobsNow().flatMap(filings));
     return [
       states.has("rendering") && h("button", { onclick: () => all("pause", `${batch} is paused`) }, "Pause all"),
       states.has("paused") && h("button", { onclick: () => all("resume", `${batch} is resumed`) }, "Resume all"),
       states.size > 0 && h("button", { class: "danger", onclick: cancel }, "Cancel all"),
       shot,
-      guard,
       ended.size > 0 && h("p", { class: "hint" }, states.size ? "Those that have ended:" : "All its jobs have ended."),
       ...filingButtons([...ended], fileAll),
     ];

@@ -84,7 +84,6 @@ def test_a_scene_is_submitted_again_with_another_spec(
         {
             "batch": "walk",
             "at_once": 3,
-            "flicker_guard": True,
             "keep_slices": True,
             "budget_core_hours": 2.5,
             "priority": -5,

@@ -436,7 +436,7 @@ def _(world: World) -> Callable[[], object]:
 # What APIs write.
 
 
-@case("create", lambda made: made.repeated and not made.conflict, answers_before=1)
+@case("create", lambda made: made.repeated and not made.conflict)
 def _(world: World) -> Callable[[], object]:
     spec = JobSpec(**SPEC, webhook=HOOK, batch="frames")
     return lambda: world.jobs.create(
@@ -479,7 +479,7 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.jobs.resume(job)
 
 
-@case("set_visibility", is_anything, answers_before=2)
+@case("set_visibility", is_anything)
 def _(world: World) -> Callable[[], object]:
     job = world.finished(batch="frames")
     return lambda: Visibilities(world.lossy).set(job, Visibility.ARCHIVED)
@@ -495,12 +495,6 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
     return lambda: world.jobs.block(job, "w-1")
-
-
-@case("guard", lambda batch: batch.guard.guarded, answers_before=6)
-def _(world: World) -> Callable[[], object]:
-    world.job(batch="frames")
-    return lambda: Batches(world.lossy).guard("frames")
 
 
 @case("remember_scene")

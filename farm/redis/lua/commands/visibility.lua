@@ -1,19 +1,15 @@
 -- List an ended job, archive it, or delete it: each takes it out of where it was. A deleted job is in no batch.
--- Returns 'done' with where it was before, also where that is the same; 'illegal' with the state (it has not ended) or 'missing'; or
--- 'changed' where a deleted job is restored to a guarded batch, and was not compared with its newest job.
+-- Returns 'done' with where it was before, also where that is the same; or 'illegal' with the state (it has
+-- not ended) or 'missing'.
 function for_farm.set_visibility(it)
   local id, wanted = it.job, it.visibility
-  local state, number, batch, guards = unpack(
-    redis.call('HMGET', job_key(id), 'state', 'number', 'batch', 'guards'))
+  local state, number = unpack(redis.call('HMGET', job_key(id), 'state', 'number'))
   if not state or Job.is_open(id) then return {outcome = 'illegal', state = state or 'missing'} end
   local lists = {archived = ARCHIVED, deleted = DELETED}
   local had = redis.call('HMGET', job_key(id, 'sealed'), 'archived_at', 'deleted_at')
   local before = had[2] and 'deleted' or had[1] and 'archived' or 'listed'
   if before == wanted then return {outcome = 'done', before = before} end
-  if before == 'deleted' then
-    if New.joins_unseen(batch or '', guards == '1', it.compared) then return {outcome = 'changed'} end
-    Job.join_batch(id)
-  end
+  if before == 'deleted' then Job.join_batch(id) end
   if wanted == 'deleted' then Job.leave_batch(id) end
   if lists[before] then
     redis.call('ZREM', lists[before], id)
