@@ -187,7 +187,6 @@ _ROOT: Final = f"/v1/jobs/{JOB_ID}"
 PREVIEW: Final[dict[str, Any]] = {
     "spp": 100,
     "link": f"{_ROOT}/previews/100.png",
-    "linear": f"{_ROOT}/previews/100.exr",
 }
 
 JOB: Final[dict[str, Any]] = {

@@ -91,11 +91,10 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
  * A button with a menu that is filled when it opens and closes with a choice: its `element`, and
  * `name(text)`, which sets its accessible name.
  * @param {() => (HTMLElement | false)[]} fill - makes the menu's items
- * @param {string} [label] - of the button; three dots without
  */
-export function menuButton(fill, label) {
+function menuButton(fill) {
   const menu = h("div", { class: "menu", popover: "auto" });
-  const button = h("button", { class: label ? "" : "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, label ?? "⋯");
+  const button = h("button", { class: "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, "⋯");
   button.popoverTargetElement = menu;
   menu.addEventListener("beforetoggle", (event) => {
     button.setAttribute("aria-expanded", String(event.newState === "open"));
@@ -110,9 +109,8 @@ export function menuButton(fill, label) {
     if (beyond > 0) menu.style.right = `${Math.max(8, parseFloat(menu.style.right) - beyond)}px`;
   });
   // Closed before the chosen action runs, so that a dialog that it opens keeps the focus.
-  menu.addEventListener("submit", () => menu.hidePopover(), { capture: true });
   menu.addEventListener("click", ({ target }) => {
-    if (target instanceof HTMLButtonElement && !target.form) menu.hidePopover();
+    if (target instanceof HTMLButtonElement) menu.hidePopover();
   }, { capture: true });
   return {
     element: h("div", { class: "actions" }, button, menu),
