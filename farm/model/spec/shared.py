@@ -17,7 +17,7 @@ from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
 from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import ViewSpec
 from plateau.farm.model.spec.webhook import WebhookSpec
-from plateau.rules import MOST_SPP, SlopeLimit
+from plateau.rules import MOST_SPP
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
@@ -250,12 +250,6 @@ class SharedSpec(Strict):
     def by_quality(self) -> bool:
         """Whether one of its rules goes by the quality by ColorVideoVDP."""
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
-
-    @property
-    def slope_limit(self) -> SlopeLimit | None:
-        """The slope of the curve for which the first of its rules waits."""
-        limits = (one.behaviour.slope_limit for one in (self.rule, *self.watch))
-        return next((limit for limit in limits if limit is not None), None)
 
     @property
     def film_values(self) -> int:
