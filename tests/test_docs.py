@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from plateau.cli import app
 from plateau.farm.process.settings import Settings
 from plateau.service.api.problems.problem import TYPES, ProblemType
-from tests import cli_manual, man_page
+from tests import cli_manual
 from tests.support.api_document import api_document
 
 ROOT = Path(__file__).parents[1]
@@ -24,7 +24,6 @@ def test_every_setting_is_in_the_docs(setting: str) -> None:
 
 def test_the_manual_has_every_command_and_option() -> None:
     assert cli_manual.PAGE.read_text() == cli_manual.manual(), "`make manual` writes docs/cli.md"
-    assert man_page.PAGE.read_text() == man_page.page(), "`make manual` writes the man page"
 
 
 ROUTES = [

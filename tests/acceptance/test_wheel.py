@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from tests import man_page
 from tests.support.farms.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
@@ -150,8 +149,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         path.relative_to(sources).as_posix()
         for top in (package, *links)
         for path in top.rglob("*")
-        # But the types that check the page's scripts, and the manual, which lies elsewhere.
-        if path.is_file() and not path.name.endswith((".d.ts", ".1"))
+        # But the types that check the page's scripts.
+        if path.is_file() and not path.name.endswith(".d.ts")
     }
     assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
@@ -161,8 +160,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
         assert "plateau = plateau.cli:main" in archive.read(entry_points).decode()
     about = {name for name in names if name.startswith("plateau-") and ".dist-info/" in name}
-    manual = "plateau-0.1.0.data/data/share/man/man1/plateau.1"
-    assert names - about == {*files, manual}
+    assert names - about == files
 
 
 def test_the_source_distribution_holds_files_where_the_checkout_has_links(
@@ -178,15 +176,13 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(
     assert not [name for name in packed if name.startswith(("tests/", "bench/"))]
 
 
-def test_one_line_installs_the_command_with_its_manual(
+def test_one_line_installs_the_command(
     wheel: Path, run: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:
     where = {"UV_TOOL_DIR": str(tmp_path / "tools"), "UV_TOOL_BIN_DIR": str(tmp_path / "bin")}
     uv("tool", "install", "--python", sys.executable, "--constraints", CONSTRAINTS, wheel, **where)
     told = run(tmp_path / "bin" / "plateau", "--version")
     assert told.stdout.split()[-1] == metadata("plateau")["Version"], told.stderr
-    manual = tmp_path / "tools" / "plateau" / "share" / "man" / "man1" / "plateau.1"
-    assert manual.read_text() == man_page.PAGE.read_text()
     script = run(tmp_path / "bin" / "plateau", _PLATEAU_COMPLETE="source_bash")
     assert "complete -o default -F" in script.stdout, script.stderr
 
