@@ -70,9 +70,8 @@ bench-%: setup  ## Run one benchmark, bench/NAME.py
 screenshots: setup  ## Take the README's pictures of the web page (minutes; needs Chromium)
 	$(BIN)/python -m tests.page.screenshots
 
-manual: setup  ## Write docs/cli.md and the man page from the help of the commands, and what repeats the rules
+manual: setup  ## Write docs/cli.md from the help of the commands, and what repeats the rules
 	$(BIN)/python -m tests.cli_manual
-	$(BIN)/python -m tests.man_page
 	$(BIN)/python -m tests.rule_files
 
 clean:  ## Remove .venv and caches

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger import records
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
 from plateau.farm.model.batch import Batch, BatchLine, Member, Steered, summarise
-from plateau.farm.model.errors import BatchNotFound, UnevenBatch
+from plateau.farm.model.errors import BatchNotFound
 from plateau.farm.model.job import moment
 from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec, stored_spec
@@ -30,7 +30,7 @@ _AT_ONCE: Final = 250
 #: The fields of a job's hash that a summary needs.
 _FIELDS: Final = (
     *("state", "spec", "spp", "committed", "committed_samples", "slice_spp", "machine_ms"),
-    *("latest", "width", "height", "shot"),
+    *("latest", "shot"),
     *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
 )
 
@@ -73,16 +73,13 @@ class Batches:
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.zrange(keys.batch(name), 0, -1)
-            pipe.sismember(keys.GUARDED, name)
             pipe.time()
-            job_ids, guarded, (seconds, microseconds) = pipe.execute()
+            job_ids, (seconds, microseconds) = pipe.execute()
             members = self._members(job_ids)
         if not members:
             raise BatchNotFound(name)
         now = moment(int(seconds) * 1000 + int(microseconds) / 1000)
-        return summarise(
-            name, members, guarded=bool(guarded), now=now, shot=self._newest_shot(members)
-        )
+        return summarise(name, members, now=now, shot=self._newest_shot(members))
 
     def shot(self, name: str) -> ShotRecord | None:
         """The newest shot of the batch, or None where it has none; `BatchNotFound` without it."""
@@ -100,36 +97,6 @@ class Batches:
         found = next((one.shot for one in reversed(members) if one.shot is not None), None)
         record = None if found is None else self.shots.get(found)
         return None if record is None else summary(record)
-
-    def guard(self, name: str, check: Callable[[str, str | None], None] = lambda *_: None) -> Batch:
-        """Let the batch take only jobs that stop as its own do; repeating it is harmless.
-
-        `check` gets each job's id and owner, and raises where the caller may not steer the job.
-
-        Raises
-        ------
-        BatchNotFound
-            There is no such batch.
-        UnevenBatch
-            Its jobs do not stop alike.
-        """
-        while True:
-            with unavailable_as_farm_error():
-                job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-                for job_id, owner in zip(job_ids, self._owners(job_ids), strict=True):
-                    check(job_id, owner)
-                spec = self._redis.hget(keys.job(job_ids[-1]), "spec") if job_ids else None
-            if spec is None:
-                raise BatchNotFound(name)
-            asked = stored_spec(spec).model_copy(update={"flicker_guard": True})
-            try:
-                compared = guarded_batches.compared(self._redis, name, asked)
-            except UnevenBatch as error:
-                raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
-            # A job that joins in between is compared, too.
-            guard = commands.Guard(batch=name, compared=compared)
-            if self._scripts.run(guard) != "changed":
-                return self.get(name)
 
     def steer(
         self,
@@ -218,7 +185,6 @@ def _steered(job_id: str, steer: Steer, answer: Moved | None) -> Steered:
 
 def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec]) -> Member:
     latest = json.loads(fields["latest"] or "{}")
-    width, height = fields["width"], fields["height"]
     times = {
         name: moment(at) if (at := fields[name]) is not None else None
         for name in ("started_at", "ended_at")
@@ -232,7 +198,6 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
         committed_spp=records.committed_spp(fields, int(fields["slice_spp"] or 0)),
         estimate_fraction=latest.get("estimate_fraction"),
         expected_spp=latest.get("expected_spp"),
-        film=(int(width), int(height)) if width and height else None,
         shot=fields["shot"],
         machine_s=int(fields["machine_ms"] or 0) / 1000,
         samples_saved=int(fields["samples_saved"] or 0),

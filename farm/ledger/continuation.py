@@ -19,7 +19,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger import records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.aovs import GUIDED_SPP
@@ -119,10 +119,9 @@ class Continuations:
         ------
         JobNotFound
             The job went in the meantime.
-        TooManyJobs, TooManyNeeds, UnevenBatch
+        TooManyJobs, TooManyNeeds
             As `Jobs.create` raises them.
         """
-        compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         name = spec.name or job.name
         new = records.new_job(
@@ -145,9 +144,6 @@ class Continuations:
                 idempotency=request_key(idempotency_key, owner),
                 digest=digest,
                 priority=spec.priority,
-                batch=spec.batch or "",
-                guarded=spec.flicker_guard,
-                compared=compared,
             )
         )
         if made.outcome == "missing":

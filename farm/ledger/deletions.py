@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from plateau.farm.ledger import guarded_batches
 from plateau.farm.model.batch import Steered
-from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound, UnevenBatch
-from plateau.farm.model.spec import stored_spec
+from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
@@ -34,8 +32,6 @@ class Deletions:
         ------
         JobNotFound, JobNotEnded
             There is no such job, or it has not ended.
-        UnevenBatch
-            Its batch is guarded by now, and the job did not stop as the batch's jobs do.
         """
         done = self._set(job_id, deleted=deleted)
         if done.outcome == "illegal":
@@ -55,8 +51,6 @@ class Deletions:
         ------
         BatchNotFound
             There is no such batch.
-        UnevenBatch
-            As for `set`; the jobs before that one are restored.
         """
         with unavailable_as_farm_error():
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
@@ -88,27 +82,7 @@ class Deletions:
         return steered
 
     def _set(self, job_id: str, *, deleted: bool) -> Deleted:
-        done = Deleted(outcome="changed")
-        while done.outcome == "changed":  # another job has joined the batch since it was compared
-            compared = "" if deleted else self._compared(job_id)
-            done = self._scripts.run(SetDeleted(job=job_id, deleted=deleted, compared=compared))
-        return done
-
-    def _compared(self, job_id: str) -> str:
-        """The number of the newest job of the guarded batch that a deleted job may join again."""
-        with unavailable_as_farm_error():
-            is_deleted = self._redis.hexists(keys.job(job_id, "sealed"), "deleted_at")
-            batch, spec = self._redis.hmget(keys.job(job_id), "batch", "spec")
-        if not is_deleted or not batch or spec is None:
-            return ""
-        try:
-            return guarded_batches.compared(self._redis, batch, stored_spec(spec))
-        except UnevenBatch as error:
-            error.remedy = (
-                f"job {job_id} stays deleted: fetch its results before a sweep removes it, or "
-                "submit its scene again, as the jobs of the batch are or in another batch"
-            )
-            raise
+        return self._scripts.run(SetDeleted(job=job_id, deleted=deleted))
 
     def _deleted_from(self, batch: str) -> Sequence[str]:
         """The deleted jobs that were in the batch, by their number of creation."""

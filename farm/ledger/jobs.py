@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from plateau.farm.blobs import store as blobs
-from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger import records
 from plateau.farm.ledger.listing import Filter, jobs_before
 from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
 from plateau.farm.ledger.slice_log import slice_log
@@ -82,8 +82,6 @@ class Jobs:
             Its owner, an API key's id, has as many open jobs as it may.
         TooManyNeeds
             It needs another pool or other tags than all open jobs, whose needs are many already.
-        UnevenBatch
-            Its batch is guarded, and the job would stop otherwise than the batch's jobs.
         CannotFollow
             A job or batch of `spec.after` is unknown, or has not ended well.
         """
@@ -112,7 +110,6 @@ class Jobs:
 
         The specs differ only in their parameters; `notes` say what of them was changed.
         """
-        batch = specs[0].batch or ""
         jobs = tuple(
             records.new_job(
                 spec, name=name, scene_sha256=scene_sha256, owner=owner, notes=notes, again=again
@@ -121,21 +118,15 @@ class Jobs:
         )
         if specs[0].shot is not None:
             jobs = records.as_shot(jobs)
-        made = Made(outcome="changed")
-        while made.outcome == "changed":  # another job has joined the batch since it was compared
-            compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""
-            made = self._scripts.run(
-                Create(
-                    idempotency=request_key(idempotency_key, owner),
-                    digest=digest,
-                    priority=specs[0].priority,
-                    batch=batch,
-                    guarded=specs[0].flicker_guard,
-                    compared=compared,
-                    jobs=jobs,
-                    after=specs[0].after,
-                )
+        made = self._scripts.run(
+            Create(
+                idempotency=request_key(idempotency_key, owner),
+                digest=digest,
+                priority=specs[0].priority,
+                jobs=jobs,
+                after=specs[0].after,
             )
+        )
         return self.created(made)
 
     def created(self, made: Made) -> Created:

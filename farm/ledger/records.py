@@ -183,7 +183,6 @@ def new_job(
         **({"fitted": json.dumps(notes)} if notes else {}),
         **({} if again is None else {"again": again.model_dump_json()}),
         "batch": spec.batch or "",
-        "guards": 1 if spec.flicker_guard else "",
         "planned": 0,
         "issued": 0,
         "ready": 0,

@@ -1,21 +1,15 @@
-"""A batch as its users see it: the progress of its jobs, and whether they are even."""
+"""A batch as its users see it: the progress of its jobs."""
 
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from itertools import pairwise
-from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.flicker import Value, differences, stops_by
 from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-
-#: Most differences, and jobs that missed their target, that are named.
-_NAMED: Final = 100
 
 
 class _Record(BaseModel):
@@ -28,51 +22,6 @@ class Extent(_Record):
     least: float
     most: float
     mean: float
-
-
-class Differs(_Record):
-    """A job that stops otherwise than most jobs of its batch, or has another film."""
-
-    job: str
-    field: str = Field(description="such as rule.target, min_spp, view.exposure_ev or film")
-    value: Value = Field(None, description="what it has there")
-    others: Value = Field(None, description="what most jobs of the batch have there")
-
-
-class Jump(_Record):
-    """The largest change of the noise left from one converged job to the next."""
-
-    jobs: tuple[str, str] = Field(description="the two, in the batch's order")
-    estimate_fraction: tuple[float, float] = Field(description="of each")
-
-
-class Guard(_Record):
-    """What an animator needs to know to trust that a sequence does not flicker."""
-
-    guarded: bool = Field(
-        description="whether the batch refuses jobs that would stop otherwise (flicker_guard)"
-    )
-    even: bool = Field(
-        description="whether all of its jobs stop alike: the same rule with the same parameters, "
-        "min_spp, step, view and denoising, on a film of the same size as far as that is known"
-    )
-    rule: str = Field(description="the rule that most of its jobs have")
-    target: float | None = Field(
-        None,
-        description="of the rule visible: the noise that may be left, as a fraction of the pixels",
-    )
-    min_spp: int = Field(description="fewest spp at which a job may converge; 0 without a minimum")
-    differs: list[Differs] = Field(description="where jobs differ from most others: at most 100")
-    missed_jobs: int = Field(
-        description="how many have ended otherwise than by their rule: at a limit, cancelled, "
-        "failed"
-    )
-    missed: list[str] = Field(description="their ids, in the batch's order: at most 100")
-    spp: Extent | None = Field(None, description="of the jobs that converged")
-    estimate_fraction: Extent | None = Field(
-        None, description="noise left, of the jobs that converged"
-    )
-    jump: Jump | None = None
 
 
 class Batch(_Record):
@@ -98,7 +47,6 @@ class Batch(_Record):
         description="when its last job will end, at the batch's mean rate so far; null while that "
         "cannot be said",
     )
-    guard: Guard
     shot: Shot | None = Field(None, description="its newest shot, if it is one")
 
 
@@ -114,7 +62,6 @@ class Member:
     committed_spp: int
     estimate_fraction: float | None
     expected_spp: int | None
-    film: tuple[int, int] | None
     shot: str | None = None  #: of which it is a frame
     machine_s: float
     samples_saved: int
@@ -145,7 +92,7 @@ class Steered:
 
 
 def summarise(
-    name: str, members: list[Member], *, guarded: bool, now: datetime, shot: Shot | None = None
+    name: str, members: list[Member], *, now: datetime, shot: Shot | None = None
 ) -> Batch:
     """The batch of these jobs, at least one, in the order in which they were made."""
     ended = [member.ended_at for member in members if member.ended_at is not None]
@@ -165,47 +112,8 @@ def summarise(
         started_at=min(started, default=None),
         ended_at=max(ended) if len(ended) == len(members) else None,
         forecast_end_at=_forecast(members, now),
-        guard=_guard(members, guarded=guarded),
         shot=shot,
     )
-
-
-def _guard(members: list[Member], *, guarded: bool) -> Guard:
-    stops = [stops_by(member.spec) for member in members]
-    usual = dict(Counter(tuple(values.items()) for values in stops).most_common(1)[0][0])
-    usual_spec = members[stops.index(usual)].spec
-    rule = usual_spec.rule.behaviour
-    differs = [
-        Differs(job=member.id, field=found.field, value=found.value, others=found.others)
-        for member, values in zip(members, stops, strict=True)
-        if values != usual
-        for found in differences(values, usual)
-    ]
-    film = Counter(member.film for member in members if member.film is not None).most_common(1)
-    differs += [
-        Differs(job=member.id, field="film", value=_size(member.film), others=_size(film[0][0]))
-        for member in members
-        if member.film is not None and member.film != film[0][0]
-    ]
-    converged = [member for member in members if member.state is JobState.CONVERGED]
-    missed = [one.id for one in members if one.state.ended and one.state is not JobState.CONVERGED]
-    return Guard(
-        guarded=guarded,
-        even=not differs,
-        rule=rule.name,
-        target=rule.noise_target,
-        min_spp=max(usual_spec.min_spp or 0, rule.least_spp),
-        differs=differs[:_NAMED],
-        missed_jobs=len(missed),
-        missed=missed[:_NAMED],
-        spp=_extent(member.spp for member in converged),
-        estimate_fraction=_extent(_left(converged)),
-        jump=_jump(members),
-    )
-
-
-def _size(film: tuple[int, int]) -> str:
-    return f"{film[0]}×{film[1]}"
 
 
 def _left(members: list[Member]) -> list[float]:
@@ -217,21 +125,6 @@ def _extent(values: Iterable[float]) -> Extent | None:
     if not found:
         return None
     return Extent(least=min(found), most=max(found), mean=sum(found) / len(found))
-
-
-def _jump(members: list[Member]) -> Jump | None:
-    pairs = [
-        Jump(jobs=(one.id, other.id), estimate_fraction=(one_left, other_left))
-        for one, other in pairwise(members)
-        if one.state is JobState.CONVERGED is other.state
-        and (one_left := one.estimate_fraction) is not None
-        and (other_left := other.estimate_fraction) is not None
-    ]
-    return max(
-        pairs,
-        key=lambda jump: abs(jump.estimate_fraction[1] - jump.estimate_fraction[0]),
-        default=None,
-    )
 
 
 def _forecast(members: list[Member], now: datetime) -> datetime | None:

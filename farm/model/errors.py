@@ -7,7 +7,6 @@
     ├── UnreadableJob      this Plateau cannot read the job's data in Redis
     ├── IllegalTransition  the job's state does not allow this move; carries its story
     ├── BatchNotFound      no batch of that name
-    ├── UnevenBatch        the jobs of a guarded batch would not stop alike
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
     ├── JobNotEnded        the job has not ended, so it cannot be deleted or rendered again
     ├── CannotFollow       no job can wait for this job or batch
@@ -69,52 +68,6 @@ class BatchNotFound(FarmError):
     def __init__(self, name: str) -> None:
         super().__init__(f"there is no batch {name!r}")
         self.name = name
-
-
-def _value(value: object) -> str:
-    return "not set" if value is None else str(value)
-
-
-class UnevenBatch(FarmError):
-    """A guarded batch has only jobs that stop alike.
-
-    Attributes
-    ----------
-    batch, job_id
-        The batch, and its job that differs.
-    differs
-        The fields in which they differ: name, value asked for, value of that job.
-    joins
-        Whether a job was to join the batch. Otherwise the batch was to be guarded, and the values
-        asked for are those of its newest job.
-    remedy
-        What to do about it, in words; "" where the batch was to be guarded.
-    """
-
-    def __init__(
-        self,
-        batch: str,
-        job_id: str,
-        differs: list[tuple[str, object, object]],
-        *,
-        joins: bool = True,
-    ) -> None:
-        if joins:
-            why = "is guarded against flicker, so its jobs must stop alike; this one differs from"
-            here, there = "here", "there"
-        else:
-            why = "cannot be guarded against flicker, since its jobs do not stop alike; see"
-            here, there = "in its newest job", "there"
-        words = (
-            f"{name} is {_value(asked)} {here}, and {_value(had)} {there}"
-            for name, asked, had in differs
-        )
-        super().__init__(f"batch {batch!r} {why} job {job_id}: {'; '.join(words)}")
-        self.joins = joins
-        self.remedy = "ask for the same, or name another batch" if joins else ""
-        self.batch = batch
-        self.job_id = job_id
-        self.differs = differs
 
 
 class JobEnded(FarmError):

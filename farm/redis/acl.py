@@ -87,7 +87,6 @@ _MONITOR: Final = (
     keys.UNFINISHED,
     keys.DELETED,
     keys.BATCHES,
-    keys.GUARDED,
     keys.GATES,
     f"{PREFIX}gate:*",
     keys.batch("*"),

@@ -27,7 +27,6 @@ plateau:leases            zset    "ID ENTRY" of each lease, scored by its renewa
 plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs        the jobs'
 plateau:jobs:deleted      zset    deleted jobs, which are in no batch, scored so       till restored
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
-plateau:batches:guarded   set     batches whose jobs must all stop alike               its jobs'
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
                                   NUMBER NAME"; see after.lua
@@ -117,7 +116,6 @@ LATE: Final = PREFIX + "late"
 IDLE: Final = PREFIX + "idle"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
-GUARDED: Final = PREFIX + "batches:guarded"
 GATES: Final = PREFIX + "gates"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
@@ -214,7 +212,7 @@ local function job_key(id, part)
   return PREFIX .. 'job:' .. id
 end
 local TROUBLES = '{TROUBLES}'
-local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
+local BATCHES, GATES = '{BATCHES}', '{GATES}'
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end
 local function told_key(blob) return PREFIX .. 'told:' .. blob end

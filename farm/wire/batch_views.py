@@ -25,7 +25,6 @@ def _links(name: str) -> dict[str, str]:
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
         "restore": f"{root}/restore",
-        "guard": f"{root}/guard",
         "shot": f"{root}/shot",
     }
 
@@ -56,19 +55,6 @@ BATCH: Final[dict[str, Any]] = {
     "started_at": "2026-11-21T08:12:06.020Z",
     "ended_at": None,
     "forecast_end_at": "2026-11-21T08:13:10.500Z",
-    "guard": {
-        "guarded": True,
-        "even": True,
-        "rule": "visible",
-        "target": 0.0002,
-        "min_spp": 200,
-        "differs": [],
-        "missed_jobs": 0,
-        "missed": [],
-        "spp": {"least": 1200, "most": 1200, "mean": 1200},
-        "estimate_fraction": {"least": 0.00018, "most": 0.00018, "mean": 0.00018},
-        "jump": None,
-    },
     "shot": None,
     "links": _LINKS,
 }

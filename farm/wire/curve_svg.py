@@ -1,4 +1,4 @@
-"""The curve of a job as an SVG drawing, for a self-contained page."""
+"""A curve as an SVG drawing, for a self-contained page or a file."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -7,6 +7,8 @@ from html import escape
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.wire import job_text
 from plateau.farm.wire.figures import significant
 
 _WIDTH: Final = 760
@@ -14,7 +16,8 @@ _LEFT: Final = 70
 _RIGHT: Final = 16
 _ABOVE: Final = (24, 244)  #: top and bottom of the upper plot
 _BELOW: Final = (300, 470)  #: those of the lower one
-_HEIGHT: Final = 500
+_VALUES: Final = (526, 666)  #: and of the values of a rule that has its own
+_FOOT: Final = 30
 
 
 @dataclass(frozen=True)
@@ -42,22 +45,38 @@ class _Axis:
             decades = range(round(math.log10(self.low)), round(math.log10(self.high)) + 1)
             return [10.0**decade for decade in decades]
         step = 10.0 ** math.floor(math.log10((self.high - self.low) / 2))
-        step = next(size for size in (step, 2 * step, 5 * step) if self.high / size <= 6)
-        return [number * step for number in range(int(self.high / step) + 1)]
+        step = next(
+            size for size in (step, 2 * step, 5 * step) if (self.high - self.low) / size <= 6
+        )
+        return [n * step for n in range(math.ceil(self.low / step), int(self.high / step) + 1)]
 
 
-def curve_svg(job: Job, points: list[CurvePoint], *, style: str = "") -> str:
-    """Draw a curve of at least one point: changed pixels above, the noise left below.
+def job_svg(job: Job, points: list[CurvePoint], *, style: str = "") -> str:
+    """Draw the curve of a job; see `curve_svg`."""
+    return curve_svg(job.spec, (job.width or 0) * (job.height or 0), points, style=style)
 
-    The axis of the noise is logarithmic. A line marks where each rule stopped or would have. A page
-    with the drawing has its style, and a file needs one inside.
+
+def curve_svg(spec: JobSpec, pixels: int, points: list[CurvePoint], *, style: str = "") -> str:
+    """Draw the curve of an image of so many pixels; it has at least one point.
+
+    Changed pixels are above, and the noise left below, on a logarithmic axis; then the values of a
+    rule that has its own, such as a quality. A line marks where each rule stopped or would have. A
+    page with the drawing has its style, and a file needs one inside.
     """
     spp = _Axis(0, points[-1].spp * 1.03, _LEFT, _WIDTH - _RIGHT)
-    parts = [*_above(points, spp), *_below(job, points, spp), *_stops(job, points, spp)]
+    values = list(_values(spec, points, spp))
+    bottom = (_VALUES if values else _BELOW)[1]
+    target = (spec.noise_target or 0.0) * pixels
+    parts = [
+        *_above(points, spp),
+        *_below(target, points, spp),
+        *values,
+        *_stops(spec, points, spp, bottom),
+    ]
     inside = f"<style>{style}</style>" if style else ""
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-        f'aria-label="The curve of the job">{inside}{"".join(parts)}</svg>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {bottom + _FOOT}" '
+        f'role="img" aria-label="The curve of the job">{inside}{"".join(parts)}</svg>'
     )
 
 
@@ -68,9 +87,8 @@ def _above(points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     yield _line("curve", points, spp, pixels, lambda point: point.visible_pixels)
 
 
-def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
+def _below(target: float, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     known = [point for point in points if point.estimate_pixels]
-    target = (job.spec.noise_target or 0.0) * (job.width or 0) * (job.height or 0)
     counts = [point.estimate_pixels or 1.0 for point in known] + ([target] if target else [])
     if not counts:
         return
@@ -88,20 +106,41 @@ def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
         yield f'<polygon class="band" points="{corners}"/>'
     yield _line("estimate", known, spp, pixels, lambda point: point.estimate_pixels or 0.0)
     if target:
-        y = pixels.at(target)
-        yield f'<line class="target" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
-        yield _text(_WIDTH - _RIGHT, y - 5, f"target {significant(target)}", "end", "target")
+        yield from _target(pixels.at(target), significant(target))
 
 
-def _stops(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
-    for number, rule in enumerate((job.spec.rule, *job.spec.watch)):
+def _values(spec: JobSpec, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
+    rule = job_text.valued_rule(spec)
+    if rule is None:
+        return
+    said = [(point, point.rules.get(rule.name)) for point in points]
+    known = {point.spp: one.value for point, one in said if one and one.value is not None}
+    if not known:
+        return
+    shown = [*known.values(), *([] if rule.value_target is None else [rule.value_target])]
+    margin = 0.1 * (max(shown) - min(shown)) or 1.0
+    axis = _Axis(min(shown) - margin, max(shown) + margin, _VALUES[1], _VALUES[0])
+    yield from _frame(spp, axis, f"{rule.quantity}, in {rule.unit}")
+    drawn = [point for point in points if point.spp in known]
+    yield _line("curve", drawn, spp, axis, lambda point: known[point.spp])
+    if rule.value_target is not None:
+        yield from _target(axis.at(rule.value_target), f"{rule.value_target:g} {rule.unit}")
+
+
+def _target(y: float, text: str) -> Iterable[str]:
+    yield f'<line class="target" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
+    yield _text(_WIDTH - _RIGHT, y - 5, f"target {text}", "end", "target")
+
+
+def _stops(spec: JobSpec, points: list[CurvePoint], spp: _Axis, bottom: int) -> Iterable[str]:
+    for number, rule in enumerate((spec.rule, *spec.watch)):
         said = ((point.spp, point.rules.get(rule.name)) for point in points)
         first = next((at for at, value in said if value is not None and value.stop), None)
         if first is None:
             continue
         x, own = spp.at(first), number == 0
         kind = "own stop" if own else "stop"
-        yield f'<line class="{kind}" x1="{x}" x2="{x}" y1="{_ABOVE[0]}" y2="{_BELOW[1]}"/>'
+        yield f'<line class="{kind}" x1="{x}" x2="{x}" y1="{_ABOVE[0]}" y2="{bottom}"/>'
         text = f"{rule.name} {'stops' if own else 'would stop'}"
         yield _text(x - 5, _ABOVE[0] + 14 + 15 * number, text, "end")
 

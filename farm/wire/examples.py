@@ -31,7 +31,6 @@ BATCH_SPEC: Final[dict[str, Any]] = {
     "max_spp": 2000,
     "min_spp": 300,
     "batch": "exposures",
-    "flicker_guard": True,
     "parameters": [{"width": 256, "height": 256}, {"width": 320, "height": 256}],
 }
 
@@ -176,7 +175,6 @@ _ROOT: Final = f"/v1/jobs/{JOB_ID}"
 PREVIEW: Final[dict[str, Any]] = {
     "spp": 100,
     "link": f"{_ROOT}/previews/100.png",
-    "linear": f"{_ROOT}/previews/100.exr",
 }
 
 JOB: Final[dict[str, Any]] = {
@@ -285,9 +283,6 @@ PROBLEM_DETAILS: Final[dict[str, str]] = {
     "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
     "one can have a lower priority",
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
-    "uneven-batch": f"batch 'exposures' is guarded against flicker, so its jobs must stop "
-    f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
-    "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
     "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be deleted "
     "or rendered again: cancel it first",

@@ -16,7 +16,7 @@ from plateau.farm.wire.figures import (
     spp_range,
 )
 from plateau.farm.wire.views import JobView
-from plateau.rules import CURVE, SlopeLimit, StoppingRule, create
+from plateau.rules import StoppingRule
 
 #: Below so many seconds, what is expected comes any moment.
 _SOON_S: Final = 3
@@ -101,13 +101,6 @@ def valued_rule(spec: JobSpec) -> StoppingRule | None:
     """The first of the job's rules whose value is a quantity of its own, such as a quality."""
     rules = (one.behaviour for one in (spec.rule, *spec.watch))
     return next((rule for rule in rules if rule.quantity), None)
-
-
-def slope_limit(spec: JobSpec) -> SlopeLimit:
-    """The slope limit of the spec's rules; if none has one, that of the rule of every curve."""
-    limit = spec.slope_limit or create(CURVE).slope_limit
-    assert limit is not None  # the curve has a slope
-    return limit
 
 
 def stop_slope(job: Job) -> float | None:

@@ -14,7 +14,7 @@ from typing import Final
 from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
-from plateau.farm.wire.curve_svg import curve_svg
+from plateau.farm.wire.curve_svg import job_svg
 
 #: The style that a report carries.
 STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
@@ -52,7 +52,7 @@ def report_html(
 <p class="dim">{job.outcome} at {job.spp:,} spp · job {job.id} · Plateau</p>
 <p class="lead">{_sentence(job.reason)}</p>
 {_pictures(pictures)}
-<h2>The curve</h2>{curve_svg(job, points) if points else "<p>It has no point.</p>"}
+<h2>The curve</h2>{job_svg(job, points) if points else "<p>It has no point.</p>"}
 <h2>Figures</h2>{_facts(job)}
 <h2>Points</h2>{_points(points)}
 <h2>Story</h2><ul>{_story(events)}</ul>
@@ -63,7 +63,7 @@ def report_html(
 
 def curve_file(job: Job, points: list[CurvePoint]) -> str:
     """The drawing of a curve of at least one point as a file of its own."""
-    return curve_svg(job, points, style=STYLE)
+    return job_svg(job, points, style=STYLE)
 
 
 def _sentence(text: str) -> str:

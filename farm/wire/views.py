@@ -217,9 +217,6 @@ class Preview(BaseModel):
 
     spp: int = Field(description="samples per pixel of the merged image that it shows")
     link: str = Field(description="path of the picture")
-    linear: str | None = Field(
-        description="path of the same as a linear EXR; null where the job did not keep its slices"
-    )
 
 
 class PreviewList(BaseModel):

@@ -49,7 +49,7 @@ _EXTRAS: Final[dict[str, str]] = {
     "denoise": "monitor,denoise",
     "diff": "images",
     "gc": "farm",
-    "judge": "monitor,plot",
+    "judge": "monitor",
     "keys": "farm",
     "monitor": "service",
     "movie": "images,movie",

@@ -34,13 +34,10 @@ def batch(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Show the progress of a batch, and whether its frames stop at the same noise.
+    """Show the progress of a batch.
 
     For example:
       plateau batch walk
-
-    Frames that stop with different amounts of noise flicker. The lines of the guard say whether all
-    jobs stop by the same rule, target, minimum spp and view, and which jobs missed their target.
     """
     from plateau.commands.batches import show as run
 

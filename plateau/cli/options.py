@@ -74,7 +74,6 @@ AMONG_MANY: Final = (
     "after",
     "priority",
     "batch",
-    "flicker_guard",
     "shot",
 )
 
@@ -267,12 +266,6 @@ def spec_from_options(
         str | None, typer.Option(help="What the job is called.", show_default="as its scene is")
     ] = None,
     batch: Annotated[str | None, typer.Option(help="Batch that the job belongs to.")] = None,
-    flicker_guard: Annotated[
-        bool,
-        typer.Option(
-            "--flicker-guard", help="Refuse jobs that stop differently from the rest of the batch."
-        ),
-    ] = False,
     shot: Annotated[
         str | None,
         typer.Option(

@@ -40,7 +40,7 @@ def render(
 
     Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
     difference.png (pixels that have changed since the first image), noise.png (pixels whose noise
-    is left to see), curve.csv, curve.png, report.html (all of it on one page), summary.txt and
+    is left to see), curve.csv, curve.svg, report.html (all of it on one page), summary.txt and
     summary.json. With --allocation zones, spp.png shows which parts of the image have many samples
     (yellow) and which few (dark blue). With the rule jod, quality.png shows where a person would
     see the noise (yellow). If pixels are NaN or infinite, non-finite.png marks them; more than 0.1

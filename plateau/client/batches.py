@@ -62,7 +62,7 @@ class BatchCalls(Calls):
         InvalidSpec
             There are no parameters, or too many.
         plateau.farm.bundle.BundleError, ApiError
-            As for `Client.submit`; ``uneven-batch`` if the flicker guard refuses the jobs.
+            As for `Client.submit`.
         """
         spec = with_whole_ids(spec or JobSpec(), self._transport.whole_id)
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}

@@ -241,8 +241,7 @@ class JobCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``; ``job-not-ended``; ``uneven-batch`` if its batch has a flicker guard by
-            now, and the job did not stop as the others do.
+            ``unknown-job``; ``job-not-ended``.
         """
         return self._steer(job_id, "restore")
 

@@ -30,7 +30,6 @@ from plateau.terminal.tables import print_rows
 
 _POLL_S: Final = 1.0
 _COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")
-_SHOWN: Final = 10
 
 #: Writes what is to be had of some of a batch's jobs, by their places among all of them.
 _Fetch = Callable[[Sequence[JobView], Sequence[int]], None]
@@ -84,7 +83,7 @@ def _exit_code(batch: BatchView) -> ExitCode:
         return ExitCode.FAILED
     if JobState.CANCELLED in batch.states:
         return ExitCode.CANCELLED
-    return ExitCode.MISSED if batch.guard.missed_jobs else ExitCode.OK
+    return ExitCode.MISSED if JobState.EXHAUSTED in batch.states else ExitCode.OK
 
 
 def _fetching(client: Client, name: str, out: Path) -> _Fetch:
@@ -167,7 +166,7 @@ def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:
 
 
 def show(name: str, *, url: str | None, as_json: bool) -> None:
-    """Print the progress of a batch, and whether its jobs stop alike."""
+    """Print the progress of a batch."""
     with connect(url) as client:
         batch = client.batch(name)
     print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
@@ -194,7 +193,6 @@ def steer(name: str, action: str, *, url: str | None, as_json: bool) -> None:
 
 def _summary(batch: BatchView) -> str:
     """A batch in a few lines."""
-    guard = batch.guard
     rows = [
         ("batch", f"{batch.name}, {batch.jobs:,} jobs: {in_states(batch.states)}"),
         ("samples", f"{_extent(batch.spp, figures.significant)} spp"),
@@ -206,25 +204,11 @@ def _summary(batch: BatchView) -> str:
         rows.append(("saved", f"{batch.samples_saved:,} samples that the caps would have cost"))
     if batch.forecast_end_at is not None:
         rows.append(("ends", f"about {batch.forecast_end_at:%Y-%m-%d %H:%M:%S} UTC"))
-    target = "" if guard.target is None else f", {100 * guard.target:g} % of the pixels"
-    least = f", not before {guard.min_spp:,} spp" if guard.min_spp else ""
-    rows.append(("stops by", f"{guard.rule}{target}{least}"))
-    if guard.even:
-        kept = "; the batch takes no other" if guard.guarded else ""
-        rows.append(("guard", f"even: all jobs stop alike{kept}"))
-    rows += [
-        ("guard", f"NOT EVEN: {one.job} has {one.field} {one.value}, most others {one.others}")
-        for one in guard.differs[:_SHOWN]
-    ]
-    if guard.missed_jobs:
-        more = ", …" if guard.missed_jobs > _SHOWN else ""
-        missed = f"{guard.missed_jobs:,} ended short of the target: "
-        rows.append(("missed", missed + ", ".join(guard.missed[:_SHOWN]) + more))
     if batch.shot is not None:
         rows.append(("shot", shots.said(batch.shot)))
-    if guard.estimate_fraction is not None:
-        left = _extent(guard.estimate_fraction, figures.percent)
-        rows.append(("noise left", f"{left} of the pixels, in the jobs that converged"))
+    if batch.estimate_fraction is not None:
+        left = _extent(batch.estimate_fraction, figures.percent)
+        rows.append(("noise left", f"{left} of the pixels"))
     return "\n".join(job_text.row(name, text) for name, text in rows)
 
 

@@ -7,10 +7,11 @@ from plateau.errors import CommandFailed
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.curve_svg import curve_svg
+from plateau.farm.wire.report import STYLE
 from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.files.job_folder import owner
 from plateau.files.out_folder import make
-from plateau.files.plot import Marks, plot_curve
 
 
 def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as_json: bool) -> int:
@@ -31,7 +32,7 @@ def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as
         (out / "non-finite.png").write_bytes(broken.picture)
         raise
     if out is not None:
-        _write(judged, spec, folder.resolve().name, out)
+        _write(judged, spec, out)
     if as_json:
         curve = [point.model_dump(mode="json", exclude={"at"}) for point in judged.points]
         print(json.dumps({"stops": judged.stops, "curve": curve}, indent=2))
@@ -45,19 +46,7 @@ def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as
     return 0
 
 
-def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
+def _write(judged: Judged, spec: JobSpec, out: Path) -> None:
     (out / "curve.csv").write_text(curve_csv(judged.points))
-    limit = job_text.slope_limit(spec)
-    plot_curve(
-        name,
-        f"judged to {judged.points[-1].spp:,} spp",
-        judged.points,
-        out / "curve.png",
-        Marks(
-            window=limit.window,
-            stop_slope=limit.of(judged.width * judged.height),
-            target=spec.noise_target,
-            stops={name: spp for name, spp in judged.stops.items() if spp is not None},
-            valued=job_text.valued_rule(spec),
-        ),
-    )
+    pixels = judged.width * judged.height
+    (out / "curve.svg").write_text(curve_svg(spec, pixels, judged.points, style=STYLE))

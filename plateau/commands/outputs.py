@@ -2,19 +2,17 @@
 
 import hashlib
 import json
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 from plateau.client import ApiError
-from plateau.errors import CommandFailed, ExtraMissing, needs
+from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, Event, utc_now
 from plateau.farm.wire import job_text
-from plateau.farm.wire.report import CAPTIONS, report_html
+from plateau.farm.wire.report import CAPTIONS, curve_file, report_html
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import (
     IMAGES,
@@ -57,7 +55,7 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     These are ``image.exr``, ``image.png``, ``difference.png`` and ``noise.png``, where the job has
     an image and its maps;
     ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
-    infinite anywhere; ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``,
+    infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has points; ``slices``,
     where it kept them, for `plateau judge`; ``report.html``, ``summary.txt`` and ``summary.json``.
     Slices that are there already are not fetched again; what another job has left there is removed
     before the first file is written.
@@ -165,14 +163,8 @@ def _check_whole(fetched: _Fetched) -> None:
 def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
     files = list(fetched.files)
     if fetched.points:
-        try:
-            with needs("plot"), whole(folder / "curve.png") as path:
-                from plateau.files.plot import plot_job  # with numpy
-
-                plot_job(job, fetched.points, path)
-            files.append(folder / "curve.png")
-        except ExtraMissing as error:
-            _tell_once(f"no curve.png: {error}")
+        files.append(folder / "curve.svg")
+        _write(folder / "curve.svg", curve_file(job, fetched.points))
     files += [folder / "report.html", folder / "summary.txt", folder / "summary.json"]
     pictures: dict[str, bytes | None] = {
         path.name: path.read_bytes() for path in fetched.files if path.name in CAPTIONS
@@ -183,12 +175,6 @@ def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
     about = job_text.summary_json(job, fetched.points, [str(path) for path in files])
     _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about
-
-
-@cache
-def _tell_once(line: str) -> None:
-    """Print a line on standard error, once for all jobs of a batch."""
-    print(f"plateau: {line}", file=sys.stderr)
 
 
 def _write(file: Path, text: str) -> None:

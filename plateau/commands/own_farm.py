@@ -148,10 +148,8 @@ def _run(
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
     from plateau.commands.follow import cancelling, follow
-    from plateau.files.plot import import_ahead
 
     job = client.submit(scene, spec)
-    import_ahead()
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
 
     def tick() -> None:

@@ -29,7 +29,7 @@ IMAGES: Final = (
 #: The files of a job, beside the folder of its slices.
 RESULTS: Final = (
     *IMAGES,
-    *("curve.csv", "curve.png", "report.html", "summary.txt", "summary.json"),
+    *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
 )
 SLICES: Final = "slices"
 

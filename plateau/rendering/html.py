@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job, utc_now
 from plateau.farm.wire import figures, job_text
-from plateau.farm.wire.curve_svg import curve_svg
+from plateau.farm.wire.curve_svg import job_svg
 
 #: A notebook keeps what it shows, so large images are shown smaller.
 _MOST_PIXELS: Final = 800
@@ -41,7 +41,7 @@ def card(job: Job, points: list[CurvePoint], png: bytes | None, *notes: str) -> 
         alt = f"The image at {job.image_spp or job.spp:,} spp"
         parts.append(f'<img alt="{alt}" src="data:image/png;base64,{source}">')
     if points:
-        parts.append(curve_svg(job, points))
+        parts.append(job_svg(job, points))
         parts.append(f"<p>{escape(' · '.join(job_text.point_figures(job, points[-1])))}</p>")
     parts += [f"<p>{escape(note)}</p>" for note in notes]
     return f'<style>{_STYLE}</style><div class="plateau">{"".join(parts)}</div>'

@@ -59,8 +59,6 @@ def _lines(batch: BatchView) -> Group:
     done = f"{ended:,} of {batch.jobs:,} jobs"
     bar = progress_bar(batch.jobs, ended, done, _left(batch))
     state = in_states(batch.states)
-    if not batch.guard.even:
-        state += f"   not even: `plateau batch {batch.name}` says why"
     if shot := _shot(batch):
         state += f"   {shot}"
     return Group(Text.assemble((batch.name, "bold"), f"  {state}"), bar)

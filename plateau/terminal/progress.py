@@ -18,10 +18,8 @@ from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, job_curve
 
 #: The render rate is that of the slices of the last seconds.
 _RATE_S: Final = 20.0
-_SPARKS: Final = "▁▂▃▄▅▆▇█"
-_SPARK_COLUMNS: Final = 48
 #: Lines of the curve, if the terminal has room for them and for the other lines.
-_CURVE_ROWS: Final = 10
+_CURVE_ROWS: Final = 12
 _OTHER_ROWS: Final = 8
 
 
@@ -168,17 +166,17 @@ class LiveProgress(Progress):
             lines.append(Text(job.reason, style="dim"))
         if job.state is JobState.PAUSED:
             lines.append(Text(f"{job.reason}; `plateau resume {job.id}` resumes it", "yellow"))
-        if len(self._points) > 1:
-            lines.append(self._drawn_curve(job))
-        return Group(*lines)
-
-    def _drawn_curve(self, job: Job) -> Text:
         console = self._live.console
         rows = min(_CURVE_ROWS, console.height - _OTHER_ROWS)
-        room = console.width >= LEAST_COLUMNS and rows >= LEAST_ROWS
-        if not (self._curve and room and console.encoding.startswith("utf")):
-            return Text(sparkline([one.visible_pixels for one in self._points]), "cyan")
-        return job_curve(job, self._points, columns=console.width, rows=rows)
+        has_room = console.width >= LEAST_COLUMNS and rows >= LEAST_ROWS
+        if (
+            self._curve
+            and has_room
+            and len(self._points) > 1
+            and console.encoding.startswith("utf")
+        ):
+            lines.append(job_curve(job, self._points, columns=console.width, rows=rows))
+        return Group(*lines)
 
 
 def progress_on(console: Console, *, curve: bool = True) -> Progress:
@@ -195,10 +193,3 @@ def progress_bar(total: int, completed: int, *notes: str) -> Table:
     bar.add_column(justify="right", no_wrap=True)
     bar.add_row(ProgressBar(total=total, completed=completed), "   ".join(filter(None, notes)))
     return bar
-
-
-def sparkline(values: list[int]) -> str:
-    """The newest values as a row of bars, from 0 to the highest."""
-    values = values[-_SPARK_COLUMNS:]
-    top = max(*values, 1)
-    return "".join(_SPARKS[value * (len(_SPARKS) - 1) // top] for value in values)

@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from tests import man_page
 from tests.support.farms.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +37,7 @@ NEEDS = {
     "monitor": "service",
     "worker": "worker",
     "diff one.png other.png": "images",
-    "judge slices": "monitor,plot",
+    "judge slices": "monitor",
     "study fit table.csv --plot plot.png": "plot",
     "keys list": "farm",
     "gc": "farm",
@@ -147,9 +146,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         path.relative_to(sources).as_posix()
         for top in (package, *links)
         for path in top.rglob("*")
-        # But the types that check the page's scripts, the manual, which lies elsewhere, and what is
-        # installed in Blender.
-        if path.is_file() and not path.name.endswith((".d.ts", ".1")) and "addon" not in path.parts
+        # But the types that check the page's scripts, and what is installed in Blender.
+        if path.is_file() and not path.name.endswith(".d.ts") and "addon" not in path.parts
     }
     assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
@@ -159,8 +157,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
         assert "plateau = plateau.cli:main" in archive.read(entry_points).decode()
     about = {name for name in names if name.startswith("plateau-") and ".dist-info/" in name}
-    manual = "plateau-0.1.0.data/data/share/man/man1/plateau.1"
-    assert names - about == {*files, manual}
+    assert names - about == files
 
 
 def test_the_source_distribution_holds_files_where_the_checkout_has_links(
@@ -176,15 +173,13 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(
     assert not [name for name in packed if name.startswith(("tests/", "bench/"))]
 
 
-def test_one_line_installs_the_command_with_its_manual(
+def test_one_line_installs_the_command(
     wheel: Path, run: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:
     where = {"UV_TOOL_DIR": str(tmp_path / "tools"), "UV_TOOL_BIN_DIR": str(tmp_path / "bin")}
     uv("tool", "install", "--python", sys.executable, "--constraints", CONSTRAINTS, wheel, **where)
     told = run(tmp_path / "bin" / "plateau", "--version")
     assert told.stdout.split()[-1] == metadata("plateau")["Version"], told.stderr
-    manual = tmp_path / "tools" / "plateau" / "share" / "man" / "man1" / "plateau.1"
-    assert manual.read_text() == man_page.PAGE.read_text()
     script = run(tmp_path / "bin" / "plateau", _PLATEAU_COMPLETE="source_bash")
     assert "complete -o default -F" in script.stdout, script.stderr
 
@@ -204,7 +199,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     assert (about["state"], about["spp"]) == ("converged", 16)
     assert {Path(name).name for name in about["files"]} == {
         *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "curve.png", "report.html", "summary.txt", "summary.json"),
+        *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
     }
     found = run(programs / "python", "-c", "import plateau.worker; print(plateau.worker.__file__)")
     assert found.stdout.startswith(str(programs.parent))
@@ -274,7 +269,7 @@ with Client(os.environ["PLATEAU_URL"]) as client:
     job, *how = ended.split()
     assert how == ["converged", "2"]
     assert told == "this needs OpenEXR, which is not installed: pip install 'plateau[images]'"
-    # Then the command line knows it, and fetches all but the plot
+    # Then the command line knows it, and fetches all
     plateau = base / "plateau"
     assert "submit" in run(plateau, "--help").stdout
     assert job in run(plateau, "list", **where).stdout
@@ -283,11 +278,9 @@ with Client(os.environ["PLATEAU_URL"]) as client:
     assert fetched.returncode == 0
     assert {Path(line).name for line in fetched.stdout.splitlines()} == {
         *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "report.html", "summary.txt", "summary.json"),
+        *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
     }
-    [line] = fetched.stderr.splitlines()
-    assert line.startswith("plateau: no curve.png: ")
-    assert line.endswith("pip install 'plateau[plot]'")
+    assert fetched.stderr == ""
 
 
 def test_a_command_that_needs_more_says_which_extra_to_install(

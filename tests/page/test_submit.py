@@ -140,19 +140,18 @@ def test_the_form_has_every_aov_and_every_way_to_write_them(form: Page) -> None:
         assert set(choices) == set(get_args(field.annotation))
 
 
-def test_a_frame_of_a_guarded_sequence(form: Page, farm: NoiseFarm, scene: Path) -> None:
+def test_a_frame_of_a_sequence(form: Page, farm: NoiseFarm, scene: Path) -> None:
     choose(form, scene)
     expect(form.locator(".found")).to_contain_text("sphere.xml")
     form.get_by_text("More", exact=True).click()
     form.get_by_label("Batch").fill("walk")
     form.get_by_label("No sooner than").fill("400")
-    form.get_by_label("Guard it against flicker").check()
     form.get_by_label("Keep every slice").check()
     form.get_by_role("button", name="Render it").click()
     expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
     assert (spec.batch, spec.min_spp) == ("walk", 400)
-    assert (spec.flicker_guard, spec.keep_slices) == (True, True)
+    assert spec.keep_slices
 
 
 def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path) -> None:
@@ -186,7 +185,7 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     opened(names)
     asked = names.locator("form [name]").evaluate_all("all => all.map(one => one.name)")
     top = {name.split(".")[1] for name in asked if name.startswith("spec.")}
-    shown = {"allocation", "denoise", "aovs", "keep_slices", "flicker_guard"} | elsewhere
+    shown = {"allocation", "denoise", "aovs", "keep_slices"} | elsewhere
     assert set(JobSpec.model_fields) <= top | shown
 
 

@@ -69,7 +69,7 @@ KINDS: Final = (
     ),
     Kind(
         name="batch",
-        spec={**_FIXED, "flicker_guard": True, "parameters": _SMALL},
+        spec={**_FIXED, "parameters": _SMALL},
         frames=tuple({"level": level} for level in (0.3, 0.5, 0.7)),
     ),
     Kind(

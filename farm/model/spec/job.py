@@ -49,12 +49,6 @@ class JobSpec(SharedSpec):
         "scalar variant has too few seeds for all frames, they begin again at the first one's",
     )
 
-    @model_validator(mode="after")
-    def _guards_a_batch(self) -> "JobSpec":
-        if self.flicker_guard and self.batch is None:
-            raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
-        return self
-
     def parameter_strings(self) -> dict[str, str]:
         """`parameters` as Mitsuba reads them."""
         return parameter_strings(self.parameters)

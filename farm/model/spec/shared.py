@@ -19,7 +19,7 @@ from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
 from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
-from plateau.rules import MOST_SPP, SlopeLimit
+from plateau.rules import MOST_SPP
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
@@ -109,11 +109,6 @@ class SharedSpec(Strict):
     priority: Priority = Field(default=0, description="higher is served first")
     batch: str | None = Field(
         default=None, min_length=1, max_length=100, description="a name that groups jobs"
-    )
-    flicker_guard: bool = Field(
-        default=False,
-        description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
-        "view, denoise), and one that does not is refused, now and later",
     )
     shot: Annotated[ShotSpec | None, texts.SHOT] = Field(
         default=None,
@@ -250,12 +245,6 @@ class SharedSpec(Strict):
     def by_quality(self) -> bool:
         """Whether one of its rules goes by the quality by ColorVideoVDP."""
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
-
-    @property
-    def slope_limit(self) -> SlopeLimit | None:
-        """The slope of the curve for which the first of its rules waits."""
-        limits = (one.behaviour.slope_limit for one in (self.rule, *self.watch))
-        return next((limit for limit in limits if limit is not None), None)
 
     @property
     def film_values(self) -> int:

@@ -1,7 +1,6 @@
-"""Commands that list and guard batches."""
+"""The command that lists batches."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 from plateau.farm.redis.commands.command import Command, Items
 
@@ -23,11 +22,3 @@ class Batches(Command[Items[BatchRow]]):
 
     before: int | None  #: the number that those are below
     limit: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Guard(Command[Literal["guarded", "changed", "missing"]]):
-    """Let a batch take only jobs that stop as its own do."""
-
-    batch: str
-    compared: str  #: number of its newest job when its jobs were compared

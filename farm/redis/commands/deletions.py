@@ -10,7 +10,7 @@ from plateau.farm.redis.commands.command import Command
 class Deleted:
     """The answer to a job's deletion or restoration."""
 
-    outcome: Literal["done", "illegal", "changed"]
+    outcome: Literal["done", "illegal"]
     state: str = ""  #: if illegal, the state that forbids it, or ``missing``
 
 
@@ -20,4 +20,3 @@ class SetDeleted(Command[Deleted]):
 
     job: str
     deleted: bool
-    compared: str  #: number of the newest job of its guarded batch that it was compared with, or ""

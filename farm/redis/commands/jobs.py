@@ -45,9 +45,6 @@ class CreationCommand(Command[Answer]):
     idempotency: str  #: key, or ""
     digest: str  #: of the request
     priority: int
-    batch: str  #: or ""
-    guarded: bool  #: whether all jobs of the batch must stop alike
-    compared: str  #: number of the batch's newest job that they were compared with, or ""
 
 
 @dataclass(frozen=True, kw_only=True)

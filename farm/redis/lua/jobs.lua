@@ -68,14 +68,13 @@ end
 
 -- Put a job into its batch, if it has one. It keeps its place among the batch's jobs.
 function Job.join_batch(id)
-  local batch, guards, number = unpack(redis.call('HMGET', job_key(id), 'batch', 'guards', 'number'))
+  local batch, number = unpack(redis.call('HMGET', job_key(id), 'batch', 'number'))
   if not batch or batch == '' then return end
   redis.call('ZADD', batch_key(batch), number, id)
   redis.call('ZADD', BATCHES, 'GT', number, batch)
-  if guards == '1' then redis.call('SADD', GUARDED, batch) end
 end
 
--- Take a job out of its batch, if it is in one. A batch and its guard end with its last job.
+-- Take a job out of its batch, if it is in one. A batch ends with its last job.
 function Job.leave_batch(id)
   local batch = redis.call('HGET', job_key(id), 'batch')
   if not batch or batch == '' or redis.call('ZREM', batch_key(batch), id) == 0 then return end
@@ -84,7 +83,6 @@ function Job.leave_batch(id)
     redis.call('ZADD', BATCHES, newest[2], batch)
   else
     redis.call('ZREM', BATCHES, batch)
-    redis.call('SREM', GUARDED, batch)
   end
 end
 

@@ -39,14 +39,6 @@ function New.remember_request(idempotency, digest, id)
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
--- Would a job join a guarded batch without a comparison with its newest job? `guarded` says whether the job
--- itself guards the batch, `compared` has the number of the newest job that it was compared with.
-function New.joins_unseen(batch, guarded, compared)
-  if batch == '' then return false end
-  if not guarded and redis.call('SISMEMBER', GUARDED, batch) == 0 then return false end
-  return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
-end
-
 -- The job's owner leaves its hash, which workers may write. It keeps the party in whose share of the workers
 -- the job counts.
 local function seal_owner(id, owner, key)

@@ -21,7 +21,6 @@ from plateau.farm.model.errors import (
     StoreUnavailable,
     TooManyJobs,
     TooManyNeeds,
-    UnevenBatch,
     UnreadableJob,
     WorkerNotFound,
 )
@@ -93,18 +92,6 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
             problem = Problem(problems.MALFORMED_REQUEST, NOT_JSON)
             return problem.response(request.url.path)
         return invalid_request(error.errors()).response(request.url.path)
-
-    @app.exception_handler(UnevenBatch)
-    def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
-        fields = [
-            {"field": f"spec.{name}", "value": asked, "others": had}
-            for name, asked, had in error.differs
-        ]
-        detail = "; ".join(filter(None, (str(error), error.remedy)))
-        problem = Problem(
-            problems.UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
-        )
-        return problem.response(request.url.path)
 
     @app.exception_handler(IllegalTransition)
     def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:

@@ -57,7 +57,6 @@ CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "Job already ended")
 CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "Job not rendering")
 CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "Job not paused")
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "Image cannot be reproduced")
-UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "Job conflicts with the flicker guard")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools and tags"
 )

@@ -69,7 +69,6 @@ Changes = Annotated[
             problems.MALFORMED_REQUEST,
             problems.UNKNOWN_JOB,
             problems.JOB_NOT_ENDED,
-            problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,
             problems.TOO_MANY_NEEDS,
             problems.KEY_REUSED,

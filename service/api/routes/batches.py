@@ -40,12 +40,7 @@ def list_batches(
 
 @router.get("/{name}", responses=_RESPONSES)
 def get_batch(name: BatchName, farm: Farm) -> BatchView:
-    """Summarise a batch: the progress of its jobs, when they will end, and whether they are even.
-
-    Frames that stop with different amounts of noise flicker. So `guard` says whether all jobs stop
-    by the same rule, target, `min_spp`, `step` and `view`, which jobs do not, which ended without
-    meeting their target, and how much the others differ.
-    """
+    """Summarise a batch: the progress of its jobs, and when they will end."""
     return batch_view(farm.batches.get(name))
 
 
@@ -78,21 +73,6 @@ def resume_batch(name: BatchName, who: CallerOf, farm: Farm) -> BatchSteered:
     harmless.
     """
     return _steered(name, Steer.RESUME, who, farm)
-
-
-@router.post(
-    "/{name}/guard",
-    status_code=202,
-    responses=documented(problems.UNKNOWN_BATCH, problems.UNEVEN_BATCH, problems.NOT_YOUR_JOB),
-)
-def guard_batch(name: BatchName, who: CallerOf, farm: Farm) -> BatchView:
-    """Guard a batch against flicker: from now on, only jobs that stop as its others do may join it.
-
-    Its jobs must already stop alike; a 409 names one that does not, and the fields that differ. All
-    jobs must belong to the key, unless it is an admin's. Repeating it is harmless; the guard lasts
-    as long as the batch.
-    """
-    return batch_view(farm.batches.guard(name, who.check_may_steer))
 
 
 def _steered(name: str, steer: Steer, who: Caller, farm: Parts) -> BatchSteered:

@@ -18,12 +18,12 @@ router = APIRouter(prefix="/v1")
 _JOB: Final[dict[str, Any]] = {
     "status_code": 202,
     "tags": ["jobs"],
-    "responses": documented(problems.UNKNOWN_JOB, problems.JOB_NOT_ENDED, problems.UNEVEN_BATCH),
+    "responses": documented(problems.UNKNOWN_JOB, problems.JOB_NOT_ENDED),
 }
 _BATCH: Final[dict[str, Any]] = {
     "status_code": 202,
     "tags": ["batches"],
-    "responses": documented(problems.UNKNOWN_BATCH, problems.UNEVEN_BATCH),
+    "responses": documented(problems.UNKNOWN_BATCH),
 }
 
 
@@ -42,7 +42,7 @@ def delete_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
 def restore_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Put a deleted job back into the list, and into its batch.
 
-    Repeating it is harmless. If the batch is guarded by now, the job must stop as its jobs do.
+    Repeating it is harmless.
     """
     return _set(job_id, farm, who, deleted=False)
 

@@ -163,7 +163,6 @@ _SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempoten
             problems.BUSY,
             problems.TOO_MANY_SCENES,
             problems.KEY_REUSED,
-            problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,
         ),
     },

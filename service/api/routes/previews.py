@@ -11,10 +11,9 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
-from plateau.service.api.http.etags import FINAL, IfNoneMatch, Known, not_modified, strong
+from plateau.service.api.http.etags import FINAL, IfNoneMatch, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
-    EXR,
     PNG,
     SPP,
     blob_response,
@@ -61,17 +60,10 @@ def list_previews(job_id: JobId, farm: Farm) -> PreviewList:
     """
     job = farm.job(job_id)
     root = f"/v1/jobs/{job.id}/previews"
-    spps, linear = previews.kept(farm.blobs, job.id), _can_be_merged(job)
-    if linear:
+    spps = previews.kept(farm.blobs, job.id)
+    if _can_be_merged(job):
         spps = sorted({*spps, *_points(job, farm.jobs.plan(job))})
-    return PreviewList(
-        previews=[
-            Preview(
-                spp=spp, link=f"{root}/{spp}.png", linear=f"{root}/{spp}.exr" if linear else None
-            )
-            for spp in spps
-        ]
-    )
+    return PreviewList(previews=[Preview(spp=spp, link=f"{root}/{spp}.png") for spp in spps])
 
 
 @router.get("/{spp}.png", response_class=StreamingResponse, responses=described(PNG, *_PROBLEMS))
@@ -84,7 +76,7 @@ async def get_preview_png(
     for each at 512 × 512; the service makes one picture at a time.
     """
     job = await run_in_threadpool(farm.job, job_id)
-    headers = _headers(job, spp, "png")
+    headers = _headers(job, spp)
     try:
         blob = blobs.preview(job.id, spp)
         sha256 = await run_in_threadpool(farm.jobs.sha256, blob)
@@ -94,38 +86,20 @@ async def get_preview_png(
     except (FileNotFoundError, SpoiledBlob) as error:
         if isinstance(error, SpoiledBlob) and not _can_be_merged(job):
             raise
-        return await _merged(request, job, spp, farm, (PNG, headers, _png(job, spp)))
-
-
-@router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
-async def get_preview_exr(
-    request: Request, job_id: JobId, spp: _Spp, farm: Farm, has: IfNoneMatch
-) -> Response:
-    """Show the same as linear radiance, float32, for jobs that kept their slices."""
-    job = await run_in_threadpool(farm.job, job_id)
-    headers = _headers(job, spp, "exr")
-    if has.has(headers["ETag"]):
-        return not_modified(headers)
-    return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
-
-
-_File = tuple[str, dict[str, str], "Encode"]
+        return await _merged(request, job, spp, farm, headers)
 
 
 async def _merged(
-    request: Request, job: Job, spp: int, farm: Parts, file: _File, has: Known | None = None
+    request: Request, job: Job, spp: int, farm: Parts, headers: dict[str, str]
 ) -> Response:
-    media_type, headers, encode = file
     slices = await run_in_threadpool(_slices, farm, job, spp)
-    if has is not None and has.anything:
-        return not_modified(headers)
     if HEADERS_ONLY in request.scope:
-        return Response(media_type=media_type, headers=headers)
+        return Response(media_type=PNG, headers=headers)
     try:
         content = await farm.points.encoded(
             job.id,
             slices,
-            encode,
+            _png(job, spp),
             request.is_disconnected,
             job.spec.view.background,
             farm.jobs.plan(job).size,
@@ -140,7 +114,7 @@ async def _merged(
         raise _cannot(job, spp, str(error)) from error
     if content is None:
         return Response(status_code=problems.CLIENT_GONE)
-    return Response(content, media_type=media_type, headers=headers)
+    return Response(content, media_type=PNG, headers=headers)
 
 
 def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
@@ -182,10 +156,8 @@ def _points(job: Job, plan: Plan) -> list[int]:
     return [plan.spp(one) for one in slices]
 
 
-# The encoders are imported at their first use, as in `plateau.service.api.points.images`.
-
-
 def _png(job: Job, spp: int) -> "Encode":
+    # Imported at the first use, as in `plateau.service.api.points.images`.
     def encoded(image: "Pixels", look_of: "Callable[[], Look | None]") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
@@ -200,19 +172,9 @@ def _png(job: Job, spp: int) -> "Encode":
     return encoded
 
 
-def _exr(job: Job, spp: int) -> "Encode":
-    def encoded(image: "Pixels", _: object) -> bytes:
-        from plateau.farm.images.exr import encode_image
-        from plateau.service.judging.facts import exr_header, identity
-
-        return encode_image(image, exr_header(identity(job, spp)))
-
-    return encoded
-
-
-def _headers(job: Job, spp: int, kind: str) -> dict[str, str]:
+def _headers(job: Job, spp: int) -> dict[str, str]:
     # The image at a given spp never changes.
-    headers = headers_of(job, strong(job.id, spp, f"preview.{kind}"), f"{job.id}-{spp}-spp.{kind}")
+    headers = headers_of(job, strong(job.id, spp, "preview.png"), f"{job.id}-{spp}-spp.png")
     return headers | {"Cache-Control": FINAL, SPP: str(spp)}
 
 

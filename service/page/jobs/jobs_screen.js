@@ -11,7 +11,6 @@ import { BatchGroup } from "./batch_group.js";
 import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
 import { ORDERS } from "./narrowing.js";
-import { viewsMenu } from "./saved_views.js";
 import { Selection } from "./selection.js";
 
 const BUSY_MS = 2000;
@@ -60,7 +59,7 @@ export function open(main, { signal, go }) {
   main.append(
     h("div", { class: "head" },
       h("div", {}, h("h1", {}, "Jobs"), summary),
-      h("div", { class: "filters" }, search, states.label, batches.label, shelves.label, order, viewsMenu())),
+      h("div", { class: "filters" }, search, states.label, batches.label, shelves.label, order)),
     list, nothing, more, selection.element);
 
   const context = { signal, refresh, deleted, visible, selection };

@@ -9,7 +9,6 @@ import { deleteOrRestore, deletionButtons, deletions, restore } from "../shared/
 import { ENDED } from "../shared/job_summary.js";
 import { attempt, complain, offerUndo, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
-import { showGuard } from "./flicker_guard.js";
 import { showShot } from "./shot_dialog.js";
 
 /** @import { Deletion } from "../shared/job_deletion.js" */
@@ -68,16 +67,14 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, deleted) {
   }
   const menu = menuButton(() => {
     const states = new Set(jobsNow().filter((job) => !ENDED.has(job.state)).map((job) => job.state));
-    const guard = !jobsNow()[0].deleted_at && h("button", { onclick: () => showGuard(batch, nameOf) }, "Will it flicker?");
     const shot = jobsNow().some((job) => job.in_shot) && h("button", { onclick: () => showShot(batch, nameOf) }, "Look at the shot");
-    if (!maySubmit()) return [shot, guard || h("p", {}, "Your key may not change it.")];
+    if (!maySubmit()) return [shot || h("p", {}, "Your key may not change it.")];
     const ended = new Set(jobsNow().flatMap(deletions));
     return [
       states.has("rendering") && h("button", { onclick: () => all("pause", `${batch} is paused`) }, "Pause all"),
       states.has("paused") && h("button", { onclick: () => all("resume", `${batch} is resumed`) }, "Resume all"),
       states.size > 0 && h("button", { class: "danger", onclick: cancel }, "Cancel all"),
       shot,
-      guard,
       ended.size > 0 && h("p", { class: "hint" }, states.size ? "Those that have ended:" : "All its jobs have ended."),
       ...deletionButtons([...ended], deleteAll),
     ];
@@ -90,11 +87,10 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, deleted) {
  * A button with a menu that is filled when it opens and closes with a choice: its `element`, and
  * `name(text)`, which sets its accessible name.
  * @param {() => (HTMLElement | false)[]} fill - makes the menu's items
- * @param {string} [label] - of the button; three dots without
  */
-export function menuButton(fill, label) {
+function menuButton(fill) {
   const menu = h("div", { class: "menu", popover: "auto" });
-  const button = h("button", { class: label ? "" : "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, label ?? "⋯");
+  const button = h("button", { class: "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, "⋯");
   button.popoverTargetElement = menu;
   menu.addEventListener("beforetoggle", (event) => {
     button.setAttribute("aria-expanded", String(event.newState === "open"));
@@ -109,9 +105,8 @@ export function menuButton(fill, label) {
     if (beyond > 0) menu.style.right = `${Math.max(8, parseFloat(menu.style.right) - beyond)}px`;
   });
   // Closed before the chosen action runs, so that a dialog that it opens keeps the focus.
-  menu.addEventListener("submit", () => menu.hidePopover(), { capture: true });
   menu.addEventListener("click", ({ target }) => {
-    if (target instanceof HTMLButtonElement && !target.form) menu.hidePopover();
+    if (target instanceof HTMLButtonElement) menu.hidePopover();
   }, { capture: true });
   return {
     element: h("div", { class: "actions" }, button, menu),

@@ -29,7 +29,7 @@ const STATES = {
 export function showShot(batch, nameOf) {
   const path = `/v1/batches/${encodeURIComponent(batch)}/shot`;
   const over = new AbortController();
-  const words = h("div", { class: "guard" }, h("p", {}, "Looking …"));
+  const words = h("div", { class: "told" }, h("p", {}, "Looking …"));
   const strip = h("div", { class: "strip" });
   const wrong = h("p", { class: "bad", role: "alert" });
   const film = new Shown("The film of its newest images");

@@ -44,11 +44,6 @@ export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
   shape_id: "Shape ids", primitive_id: "Primitive ids",
 };
-/** The same by the layers of image.exr, which compositors know by these names. @type {Record<string, string>} */
-export const LAYERS = {
-  albedo: AOVS.albedo, N: AOVS.normal, Z: AOVS.depth, P: AOVS.position, uv: AOVS.uv,
-  "id.shape": AOVS.shape_id, "id.primitive": AOVS.primitive_id,
-};
 
 /** How image.exr is written. @type {FieldAbout[]} */
 export const EXR = [

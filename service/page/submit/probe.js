@@ -16,7 +16,7 @@ export const PROBE_S = 10;
 /** What a probe's spec has in place of the form's: short slices, so that there is a curve. */
 const SPEC = {
   time_limit_s: PROBE_S, time_limit_from: "first_slice", slice_spp: 4, step: 16, max_spp: 1600, min_spp: null,
-  keep_slices: true, watch: [], batch: null, flicker_guard: false, notice: {}, aovs: [],
+  keep_slices: true, watch: [], batch: null, notice: {}, aovs: [],
 };
 /** How long it may wait for a worker and render, and how often it is looked at. */
 const PATIENCE_MS = 120_000;

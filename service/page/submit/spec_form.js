@@ -25,7 +25,6 @@ export class SpecForm {
   #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
     help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
   #keep = h("input", { type: "checkbox", id: "keep-slices" });
-  #guard = h("input", { type: "checkbox", id: "flicker-guard" });
   /** What of a filled in spec has no field. */
   #kept = {};
   /** @type {Partial<Api.JobSpec["view"]>} */
@@ -50,8 +49,6 @@ export class SpecForm {
         h("div", { class: "fields small" }, this.#exr.elements),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
           "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
-        h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
-          "Guard it against flicker: only jobs that stop alike may join")),
         this.rule.watched)),
     ];
   }
@@ -83,7 +80,6 @@ export class SpecForm {
     this.rule.fill(spec);
     for (const one of this.#aovs) one.checked = aovs.some((name) => name === one.value);
     this.#keep.checked = spec.keep_slices;
-    this.#guard.checked = spec.flicker_guard;
     this.#details.open = true;
   }
 
@@ -110,7 +106,7 @@ export class SpecForm {
       ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
       view: { ...this.#keptView, ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
       aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
-      exr: this.#exr.values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
+      exr: this.#exr.values(), keep_slices: this.#keep.checked,
     };
   }
 }

@@ -1,7 +1,6 @@
-"""Batches: made at once, summed up, guarded against flicker, steered, and forgotten."""
+"""Batches: made at once, summed up, steered, and forgotten."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime, timedelta, timezone
 from typing import Any
 
@@ -12,12 +11,11 @@ from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.jobs import Created, Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.batch import Member, summarise
-from plateau.farm.model.errors import BatchNotFound, UnevenBatch
+from plateau.farm.model.errors import BatchNotFound
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
-from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support.farms.staged_job import StagedJob
 
@@ -139,7 +137,7 @@ class TestTheIndex:
         self, client: redis.Redis, jobs: Jobs, batches: Batches
     ) -> None:
         before = set(client.keys("*"))
-        ids = create(jobs, 3, flicker_guard=True)
+        ids = create(jobs, 3)
         create(jobs, 1, "newer")
         for job_id in ids:
             finish(client, job_id, JobState.CONVERGED)
@@ -216,7 +214,6 @@ def member(number: int, state: JobState, **other: Any) -> Member:
         "committed_spp": spp,
         "estimate_fraction": None,
         "expected_spp": None,
-        "film": (32, 24) if spp else None,
         "machine_s": spp / 10,
         "samples_saved": 0,
         "created_at": NOW - timedelta(seconds=90),
@@ -238,7 +235,7 @@ class TestAForecast:
             member(1, JobState.RENDERING, spp=200, expected_spp=500),
             member(2, JobState.QUEUED),  # as the one that converged
         ]
-        found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+        found = summarise("b", members, now=NOW).forecast_end_at
         assert found == NOW + timedelta(seconds=(300 + 400) / 10)
 
     def test_ends_at_the_cap_and_not_before_the_least_spp(self) -> None:
@@ -251,7 +248,7 @@ class TestAForecast:
                 self.DONE,
                 member(1, JobState.RENDERING, spp=200, expected_spp=expected_spp, spec=spec),
             ]
-            found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+            found = summarise("b", members, now=NOW).forecast_end_at
             assert found == NOW + timedelta(seconds=(spp - 200) / 10)
 
     def test_counts_only_the_time_in_which_anything_was_rendered(self) -> None:
@@ -265,7 +262,7 @@ class TestAForecast:
             ended_at=early + timedelta(seconds=60),
         )
         members = [old, member(1, JobState.RENDERING, spp=600, expected_spp=900)]
-        found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+        found = summarise("b", members, now=NOW).forecast_end_at
         assert found == NOW + timedelta(seconds=30)
 
     @pytest.mark.parametrize(
@@ -280,130 +277,7 @@ class TestAForecast:
         ids=["all ended", "nothing known", "no forecast yet", "one paused", "one held back"],
     )
     def test_is_not_given_where_nobody_can_say(self, members: list[Member]) -> None:
-        assert summarise("b", members, guarded=False, now=NOW).forecast_end_at is None
-
-
-class TestTheGuard:
-    def test_finds_a_list_s_jobs_even(self) -> None:
-        members = [member(number, JobState.QUEUED) for number in range(3)]
-        guard = summarise("b", members, guarded=True, now=NOW).guard
-        assert (guard.guarded, guard.even, guard.differs, guard.missed) == (True, True, [], [])
-        assert (guard.rule, guard.target, guard.min_spp) == ("visible", 0.0002, 200)
-
-    @pytest.mark.parametrize(
-        ("other", "field", "value", "others"),
-        [
-            ({"rule": {"name": "visible", "target": 0.001}}, "rule.target", 0.001, 0.0002),
-            ({"rule": {"name": "reverse"}}, "rule.name", "reverse", "visible"),
-            ({"min_spp": 500}, "min_spp", 500, None),
-            ({"step": 50}, "step", 50, 100),
-            ({"view": {"exposure_ev": 1}}, "view.exposure_ev", 1.0, 0.0),
-            ({"view": {"background": [1, 0.5, 0]}}, "view.background", "1, 0.5, 0", "0, 0, 0"),
-        ],
-    )
-    def test_names_the_job_that_stops_otherwise_and_how(
-        self, other: dict[str, Any], field: str, value: object, others: object
-    ) -> None:
-        # The odd one is the first: what most others have counts
-        odd = member(0, JobState.QUEUED, spec=JobSpec.model_validate(other))
-        members = [odd, *(member(number, JobState.QUEUED) for number in (1, 2))]
-        guard = summarise("b", members, guarded=False, now=NOW).guard
-        assert not guard.even
-        assert [one.model_dump() for one in guard.differs] == [
-            {"job": "job-0", "field": field, "value": value, "others": others}
-        ]
-
-    def test_sees_another_film(self) -> None:
-        members = [member(number, JobState.RENDERING, spp=100) for number in range(3)]
-        members[1] = member(1, JobState.RENDERING, spp=100, film=(64, 24))
-        [found] = summarise("b", members, guarded=False, now=NOW).guard.differs
-        assert (found.job, found.field, found.value, found.others) == (
-            "job-1",
-            "film",
-            "64×24",
-            "32×24",
-        )
-
-    def test_does_not_mind_what_leaves_the_noise_alone(self) -> None:
-        other = JobSpec(seed=3, max_spp=2000, priority=5, keep_slices=True, sensor=1)
-        members = [member(0, JobState.QUEUED), member(1, JobState.QUEUED, spec=other)]
-        assert summarise("b", members, guarded=False, now=NOW).guard.even
-
-    def test_tells_who_missed_and_how_far_the_others_are_apart(self) -> None:
-        ends = [
-            (JobState.CONVERGED, 400, 0.0001),
-            (JobState.CONVERGED, 500, 0.0002),
-            (JobState.EXHAUSTED, 900, 0.01),
-            (JobState.CONVERGED, 300, 0.0002),
-            (JobState.CANCELLED, 100, 0.02),
-        ]
-        members = [
-            member(number, state, spp=spp, estimate_fraction=left)
-            for number, (state, spp, left) in enumerate(ends)
-        ]
-        guard = summarise("b", members, guarded=False, now=NOW).guard
-        assert guard.even
-        assert (guard.missed_jobs, guard.missed) == (2, ["job-2", "job-4"])
-        assert guard.spp is not None
-        assert (guard.spp.least, guard.spp.most, guard.spp.mean) == (300, 500, 400)
-        assert guard.jump is not None
-        assert guard.jump.jobs == ("job-0", "job-1")
-        assert guard.jump.estimate_fraction == (0.0001, 0.0002)
-
-
-class TestAGuardedBatch:
-    def test_takes_even_jobs_alone_whoever_asks(self, jobs: Jobs, batches: Batches) -> None:
-        create(jobs, 2, flicker_guard=True, min_spp=300)
-        for guards in (False, True):
-            with pytest.raises(
-                UnevenBatch, match=r"min_spp is not set here, and 300 there"
-            ) as caught:
-                create(jobs, 1, flicker_guard=guards)
-            assert caught.value.differs == [("min_spp", None, 300)]
-            assert caught.value.job_id in batches.get("b").job_ids
-            assert len(create(jobs, 1, min_spp=300, seed=1, flicker_guard=guards)) > 2
-        assert batches.get("b").guard.guarded
-
-    def test_is_made_of_even_jobs_only(self, jobs: Jobs, batches: Batches) -> None:
-        create(jobs, 1, step=50)
-        create(jobs, 1)
-        for step in (50, 100):
-            with pytest.raises(UnevenBatch, match="step is "):
-                create(jobs, 1, step=step, flicker_guard=True)
-        found = batches.get("b")
-        assert (found.jobs, found.guard.guarded, found.guard.even) == (2, False, False)
-
-    def test_is_even_however_many_come_at_once(
-        self, client: redis.Redis, jobs: Jobs, batches: Batches
-    ) -> None:
-        url = f"unix://{client.connection_pool.connection_kwargs['path']}"
-
-        def come(number: int) -> bool:
-            try:
-                with connect(url) as mine:
-                    spec = JobSpec(batch="b", flicker_guard=True, min_spp=number % 4 + 1)
-                    Jobs(mine).create(spec, name="box", scene_sha256="00")
-            except UnevenBatch:
-                return False
-            return True
-
-        with ThreadPoolExecutor(8) as pool:
-            came = list(pool.map(come, range(40)))
-        found = batches.get("b")
-        assert found.guard.even
-        assert found.jobs == sum(came) == 10
-
-    def test_is_free_again_when_its_jobs_are_forgotten(
-        self, client: redis.Redis, jobs: Jobs
-    ) -> None:
-        [only] = create(jobs, 1, flicker_guard=True)
-        finish(client, only, JobState.CONVERGED)
-        Scripts(client).run(Forget(job=only, finished_for_ms=0))
-        assert create(jobs, 1, step=50)
-
-    def test_has_to_be_named(self) -> None:
-        with pytest.raises(ValueError, match="flicker_guard guards a batch"):
-            JobSpec(flicker_guard=True)
+        assert summarise("b", members, now=NOW).forecast_end_at is None
 
 
 class TestSteering:

@@ -10,11 +10,10 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound, UnevenBatch
+from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from tests.support.farms.staged_job import StagedJob
 
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=100)
@@ -101,28 +100,6 @@ class TestABatch:
             (renders.id, False, "it has not ended"),
         ]
         assert Batches(client).get("b").job_ids == [theirs, renders.id]
-
-    def test_that_is_guarded_by_now_takes_back_only_what_is_even(
-        self, client: redis.Redis, deletions: Deletions
-    ) -> None:
-        jobs = Jobs(client)
-        uneven = cancelled(jobs, batch="b", min_spp=300)
-        even = cancelled(jobs, batch="b")
-        for job in (uneven, even):
-            deletions.set(job, deleted=True)
-        cancelled(jobs, batch="b", flicker_guard=True)
-        deletions.set(even, deleted=False)
-        with pytest.raises(UnevenBatch, match="min_spp is 300 here") as refused:
-            deletions.set(uneven, deleted=False)
-        assert f"job {uneven} stays deleted: fetch its results before" in refused.value.remedy
-        assert jobs.get(uneven).deleted_at is not None
-        # A guard ends with the batch's last job, and comes back with the job that brought it
-        guards, _ = ids(jobs, batch="b")
-        deletions.set_batch("b", deleted=True)
-        deletions.set(even, deleted=False)
-        assert client.smembers(keys.GUARDED) == set()
-        deletions.set(guards, deleted=False)
-        assert client.smembers(keys.GUARDED) == {"b"}
 
 
 def test_the_lists_are_those_of_a_plain_filter(client: redis.Redis, deletions: Deletions) -> None:

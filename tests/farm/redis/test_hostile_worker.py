@@ -105,9 +105,6 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
         idempotency="",
         digest="",
         priority=0,
-        batch="",
-        guarded=False,
-        compared="",
     )
     assert Scripts(login("api")).run(goes_on).outcome == "created"
     assert login("api").hkeys(keys.job("b" * 12, "ledger")) == ["0"]

@@ -98,7 +98,6 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
         },
         {
             "batch": "walk",
-            "flicker_guard": True,
             "keep_slices": True,
             "priority": -5,
             "variant": "scalar_rgb",

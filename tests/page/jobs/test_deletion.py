@@ -138,26 +138,3 @@ def test_what_others_did_meanwhile_is_said(
     farm.jobs._redis.delete(f"plateau:job:{jobs['one'].id}")
     choose(page, "one", "Delete")
     expect(page.get_by_role("alert")).to_contain_text("Refused for 1 of 1 job. one: there is no")
-
-
-def test_a_view_is_saved_and_opened_again(visit: Visit, jobs: dict[str, Job]) -> None:
-    visitor = visit("/?search=walk&sort=oldest")
-    page = visitor.page
-    expect(names(page)).to_have_text(["frame"])
-    views = page.get_by_role("button", name="Views")
-    views.click()
-    page.get_by_role("textbox", name="Name of this view").fill("Walk, oldest first")
-    page.keyboard.press("Enter")
-    expect(page.get_by_role("status").filter(has_text="saved as Walk, oldest")).to_have_count(1)
-    page.goto("/")
-    expect(names(page)).to_have_count(4)
-    views.click()
-    page.get_by_role("link", name="Walk, oldest first").click()
-    expect(page).to_have_url(re.compile(r"/\?search=walk&sort=oldest$"))
-    expect(names(page)).to_have_text(["frame"])
-    views.click()
-    view = page.get_by_role("link", name="Walk, oldest first")
-    expect(view).to_have_attribute("aria-current", "page")
-    page.get_by_role("button", name="Remove the view Walk, oldest first").click()
-    views.click()
-    expect(view).to_have_count(0)

@@ -250,8 +250,8 @@ class TestOptions:
     @pytest.mark.parametrize(
         ("command", "names"),
         [
-            ("render", "pool require priority batch flicker-guard shot"),
-            ("judge", "pool require priority batch flicker-guard shot keep-slices"),
+            ("render", "pool require priority batch shot"),
+            ("judge", "pool require priority batch shot keep-slices"),
             ("judge", "define time-limit seed variant sensor"),
         ],
     )

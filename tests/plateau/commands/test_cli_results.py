@@ -137,7 +137,7 @@ class TestFetch:
         assert written == {
             "image.png",
             "curve.csv",
-            "curve.png",
+            "curve.svg",
             "summary.txt",
             "report.html",
             "summary.json",
@@ -321,7 +321,7 @@ class TestErrorsSayWhatToDo:
 
     def test_of_a_disk_that_takes_no_more(self, api: str, job: StagedJob, tmp_path: Path) -> None:
         out = tmp_path / "out"
-        # It takes what is tried before anything is fetched, but no picture of a curve
+        # It takes what is tried before anything is fetched, but no report
         done = subprocess.run(
             [sys.executable, "-m", "plateau", "fetch", job.id, "-o", str(out), "--url", api],
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)),
@@ -330,7 +330,7 @@ class TestErrorsSayWhatToDo:
             check=False,
         )
         assert (done.returncode, done.stderr) == (1, f"plateau: {out}: File too large\n")
-        assert {path.name for path in out.iterdir()} == {".plateau-job", "curve.csv"}
+        assert {path.name for path in out.iterdir()} == {".plateau-job", "curve.csv", "curve.svg"}
 
     def test_of_a_job_that_is_not_there_before_its_folder_is(self, tmp_path: Path) -> None:
         code, _, err = plateau("watch", "0123456789ab", "-o", str(tmp_path / "out"))

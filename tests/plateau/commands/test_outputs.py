@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import redis
-from PIL import Image
 from typer.testing import CliRunner
 
 from plateau.cli import app
@@ -64,7 +63,7 @@ def test_all_that_a_converged_job_has(
         "image.png",
         "difference.png",
         "curve.csv",
-        "curve.png",
+        "curve.svg",
         "report.html",
         "summary.txt",
         "summary.json",
@@ -73,8 +72,7 @@ def test_all_that_a_converged_job_has(
     assert (folder / "image.exr").read_bytes() == b"image.exr"
     rows = list(csv.DictReader((folder / "curve.csv").read_text().splitlines()))
     assert [row["spp"] for row in rows] == ["100", "200", "300", "400"]
-    with Image.open(folder / "curve.png") as picture:
-        assert picture.size == (1200, 900)
+    assert (folder / "curve.svg").read_text().startswith("<svg ")
     assert (folder / "report.html").read_bytes() == plateau.image(job.id, "report.html")
     text = (folder / "summary.txt").read_text()
     assert "converged" in text
@@ -101,7 +99,7 @@ def test_a_file_that_is_damaged_costs_the_others_nothing(
         write_results(plateau, plateau.job(job.id), tmp_path / "out")
     written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
     assert written == {
-        *("image.png", "curve.csv", "curve.png", "report.html", "summary.txt", "summary.json"),
+        *("image.png", "curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
     }
 
 

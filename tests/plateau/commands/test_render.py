@@ -73,7 +73,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     assert [point["spp"] for point in summary["curve"]] == [50, 100]
     assert visible(out) == {
         "curve.csv",
-        "curve.png",
+        "curve.svg",
         "difference.png",
         "image.exr",
         "image.png",
@@ -258,7 +258,7 @@ class TestAFolderThatCannotBeWritten:
         ("taken", "kept"),
         [
             ("image.png", {"image.exr", "image.png", "curve.csv", "summary.json"}),
-            *rare(("curve.png", {"curve.png", "summary.json"})),  # the API has stopped by then
+            *rare(("curve.svg", {"curve.svg", "summary.json"})),  # the API has stopped by then
         ],
     )
     def test_in_the_end_costs_nothing_that_was_rendered(

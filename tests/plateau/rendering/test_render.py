@@ -89,7 +89,7 @@ def test_a_path_becomes_an_image_and_a_curve(run: Run, tmp_path: Path) -> None:
         "image.exr",
         "image.png",
         "curve.csv",
-        "curve.png",
+        "curve.svg",
         "report.html",
         "summary.json",
     } < saved

@@ -99,11 +99,7 @@ class TestOverHttp:
             farm.render(2)
             until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
             listed = http.get(f"{path}/previews").json()["previews"]
-            assert listed[0] == {
-                "spp": 25,
-                "link": f"{path}/previews/25.png",
-                "linear": None,
-            }
+            assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
             preview = http.get(f"{path}/previews/25.png")
             final = http.get(f"{path}/image.png")
             # It is what was shown then, and never changes
@@ -116,7 +112,7 @@ class TestOverHttp:
             again = {"If-None-Match": preview.headers["etag"]}
             assert http.get(f"{path}/previews/25.png", headers=again).status_code == 304
             # One that there never was, or was not kept, is a problem that says where to look
-            for name, kind in (("30.png", "unknown-point"), ("25.exr", "cannot-merge")):
+            for name, kind in (("30.png", "unknown-point"), ("50.png", "cannot-merge")):
                 problem = http.get(f"{path}/previews/{name}").json()
                 assert problem["type"] == f"/problems/{kind}"
                 assert f"GET {path}/previews" in problem["detail"]

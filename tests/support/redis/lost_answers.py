@@ -405,7 +405,7 @@ def _(world: World) -> Callable[[], object]:
 # What APIs write.
 
 
-@case("create", lambda made: made.repeated and not made.conflict, answers_before=1)
+@case("create", lambda made: made.repeated and not made.conflict)
 def _(world: World) -> Callable[[], object]:
     spec = JobSpec(**SPEC, notice=NOTICE, batch="frames")
     return lambda: world.jobs.create(
@@ -465,12 +465,6 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
     return lambda: world.jobs.set_priority(job, 7)
-
-
-@case("guard", lambda batch: batch.guard.guarded, answers_before=6)
-def _(world: World) -> Callable[[], object]:
-    world.job(batch="frames")
-    return lambda: Batches(world.lossy).guard("frames")
 
 
 @case("remember_scene")

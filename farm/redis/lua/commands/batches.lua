@@ -19,13 +19,3 @@ function for_farm.batches(it)
   end
   return found
 end
-
--- Guard a batch against flicker: from now on it takes only jobs that stop as its own do.
--- Returns 'guarded', 'changed' (another job has joined it since it was compared) or 'missing'.
-function for_farm.guard(it)
-  local newest = redis.call('ZSCORE', BATCHES, it.batch)
-  if not newest then return 'missing' end
-  if newest ~= it.compared then return 'changed' end
-  redis.call('SADD', GUARDED, it.batch)
-  return 'guarded'
-end

@@ -1,10 +1,8 @@
 -- Delete an ended job, which leaves its batch, or restore it.
--- Returns 'done', also where it was so before; 'illegal' with the state (it has not ended) or 'missing'; or
--- 'changed' where a deleted job is restored to a guarded batch, and was not compared with its newest job.
+-- Returns 'done', also where it was so before, or 'illegal' with the state (it has not ended) or 'missing'.
 function for_farm.set_deleted(it)
   local id = it.job
-  local state, number, batch, guards = unpack(
-    redis.call('HMGET', job_key(id), 'state', 'number', 'batch', 'guards'))
+  local state, number = unpack(redis.call('HMGET', job_key(id), 'state', 'number'))
   if not state or Job.is_open(id) then return {outcome = 'illegal', state = state or 'missing'} end
   local was_deleted = redis.call('HEXISTS', job_key(id, 'sealed'), 'deleted_at') == 1
   if was_deleted == it.deleted then return {outcome = 'done'} end
@@ -13,7 +11,6 @@ function for_farm.set_deleted(it)
     redis.call('ZADD', DELETED, number, id)
     redis.call('HSET', job_key(id, 'sealed'), 'deleted_at', now())
   else
-    if New.joins_unseen(batch or '', guards == '1', it.compared) then return {outcome = 'changed'} end
     Job.join_batch(id)
     redis.call('ZREM', DELETED, id)
     redis.call('HDEL', job_key(id, 'sealed'), 'deleted_at')

@@ -1,13 +1,11 @@
 -- Create a job, or many of one batch: all or none, and once for each idempotency key.
--- Returns 'created', 'repeated' or 'conflict', each with the first job; 'changed' (the batch is guarded, and
--- these were not compared with its newest job); 'too varied' with the number of different needs of open
--- jobs; 'too many' with the owner's open jobs, and the most that it may have; or 'cannot follow' with one
--- that they were to wait for, and how it stands.
+-- Returns 'created', 'repeated' or 'conflict', each with the first job; 'too varied' with the number of
+-- different needs of open jobs; 'too many' with the owner's open jobs, and the most that it may have; or
+-- 'cannot follow' with one that they were to wait for, and how it stands.
 function for_farm.create(it)
   local first = it.jobs[1]
   local made = New.made_before(it.idempotency, it.digest)
   if made then return made end
-  if New.joins_unseen(it.batch, it.guarded, it.compared) then return {outcome = 'changed'} end
   local refused = New.too_many_jobs(#it.jobs, first.fields) or New.needs_too_much(first.fields)
   if refused then return refused end
   local gates, unmet = After.gates(it.after)
@@ -22,8 +20,8 @@ function for_farm.create(it)
 end
 
 -- Continue a finished job as a new one, which takes over its first slices and is rendering at once.
--- Returns as `create` does, or 'missing' (there is no old job); also 'changed' where the old one has lost
--- these slices, or these sums.
+-- Returns as `create` does, 'missing' (there is no old job), or 'changed' where the old one has lost these
+-- slices, or these sums.
 for_farm['continue'] = function(it)
   local id, old, slices, checkpoint = it.job.id, it.old, it.slices, it.checkpoint
   local made = New.made_before(it.idempotency, it.digest)
@@ -36,7 +34,6 @@ for_farm['continue'] = function(it)
   for index = 0, slices - 1 do
     if redis.call('HEXISTS', job_key(old, 'ledger'), index) == 0 then return {outcome = 'changed'} end
   end
-  if New.joins_unseen(it.batch, it.guarded, it.compared) then return {outcome = 'changed'} end
   local refused = New.too_many_jobs(1, it.job.fields) or New.needs_too_much(it.job.fields)
   if refused then return refused end
 

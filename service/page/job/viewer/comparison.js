@@ -4,7 +4,6 @@ import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { comparisonOf, WITH } from "../../shared/job_summary.js";
-import { READ } from "./exr.js";
 import { slider } from "./slider.js";
 
 /** @import { Source } from "./image_layer.js" */
@@ -56,7 +55,7 @@ class Side {
     const preview = this.previews.find(({ spp }) => String(spp) === this.select.value);
     if (!preview) return [newestOf(job)];
     const name = `${whole(preview.spp)} spp`;
-    return [{ name, png: preview.link, exr: preview.linear, ev: job.spec.view.exposure_ev, version: "" }];
+    return [{ name, png: preview.link, version: "" }];
   }
 }
 
@@ -149,7 +148,7 @@ export class Comparison {
     this.#other.value = other?.id ?? "";
     await Promise.all([this.#left.list(job, this.#signal, !other), this.#right.list(other ?? job, this.#signal, false)]);
     const refused = wanted && !other && wanted !== job.id ? `Job ${wanted} has no image of ${job.width} × ${job.height} pixels to compare. ` : "";
-    setText(this.#hint, refused + kept(this.#left.previews, points));
+    setText(this.#hint, refused + kept(job, this.#left.previews, points));
   }
 
   /**
@@ -162,16 +161,6 @@ export class Comparison {
     else address.searchParams.delete(WITH);
     history.replaceState(null, "", address);
     this.#choose();
-  }
-
-  /**
-   * A caveat about the exposure of these two; "" if it is exact.
-   * @param {Source[]} sides
-   */
-  static doubt(sides) {
-    const rough = sides.filter(({ exr }) => !exr).map(({ name }) => name);
-    if (!rough.length) return "";
-    return `${rough.join(" and ")}: kept in 8 bits, so white areas stay flat, and dark shades show steps.`;
   }
 }
 
@@ -191,11 +180,7 @@ function named(job) {
  * @returns {Source}
  */
 export function newestOf(job) {
-  return {
-    name: nameOfNewest(job),
-    png: job.links.image_png, exr: READ.includes(job.spec.exr.compression) ? job.links.image_exr : null,
-    background: job.spec.view.background, ev: job.spec.view.exposure_ev, version: job.finished_at,
-  };
+  return { name: nameOfNewest(job), png: job.links.image_png, version: job.finished_at };
 }
 
 /** @param {Api.JobView} job */
@@ -204,12 +189,12 @@ function nameOfNewest(job) {
 }
 
 /**
+ * @param {Api.JobView} job
  * @param {Api.Preview[]} previews
  * @param {Api.CurvePoint[]} points
  */
-function kept(previews, points) {
+function kept(job, previews, points) {
   const missing = points.filter(({ spp }) => !previews.some((one) => one.spp === spp)).length;
-  if (previews.length && previews[0].linear) return "Every point of the curve, merged from the slices that the job keeps.";
-  if (missing <= 1) return "";
+  if (missing <= 1) return job.spec.keep_slices ? "Every point of the curve, merged from the slices that the job keeps." : "";
   return `The job kept pictures of ${several(previews.length, "point")} out of ${whole(points.length)}; a job that keeps its slices offers them all.`;
 }

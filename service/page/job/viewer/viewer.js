@@ -1,17 +1,14 @@
-// A job's image: the newest one, as light is looked at, compared with others, and with its maps.
+// A job's image: the newest one, at any exposure, compared with others, and with its maps.
 
 import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { isByQuality, zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
-import { shownOf } from "./channels.js";
 import { Comparison, newestOf } from "./comparison.js";
+import { Exposure } from "./exposure.js";
 import { ImageLayer } from "./image_layer.js";
-import { AS_JUDGED, isAsJudged, LookPanel } from "./look.js";
-import { PixelPanel } from "./pixel_panel.js";
-import { QualityScale } from "./quality_scale.js";
-import { SamplesScale } from "./samples_scale.js";
+import { qualityPanel, SamplesScale } from "./scales.js";
 import { slider } from "./slider.js";
 import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
@@ -63,7 +60,6 @@ export class Viewer {
   #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], {
     wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
     flip: () => this.#mode === "compare" && this.#compare.flip(),
-    point: (pixel) => this.#inspects() && this.#pixels.point(pixel),
   });
   /**
    * The mode whose picture is in the upper layer; null before there is one.
@@ -76,8 +72,7 @@ export class Viewer {
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
   #compare;
-  #light = new LookPanel(() => this.#relook());
-  #pixels = new PixelPanel(() => this.#relook(), (pixel) => this.#stage.mark(this.#inspects() ? pixel : null));
+  #exposure = new Exposure(() => { this.#layers(); this.#words(); });
   #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
   #panels;
   #modes;
@@ -100,7 +95,7 @@ export class Viewer {
         h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
       noise: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Orange: noise that a person could still see; darker, where that is as likely as not.")),
-      quality: new QualityScale().element,
+      quality: qualityPanel(),
       samples: this.#scale.element,
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
@@ -113,7 +108,7 @@ export class Viewer {
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"), modes),
       this.#nothing, this.#stage.element, this.#caption,
-      ...Object.values(this.#panels), this.#light.element, this.#pixels.element);
+      ...Object.values(this.#panels), this.#exposure.element);
     this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
       this.#lower.letGo();
@@ -163,8 +158,8 @@ export class Viewer {
     const mode = this.#mode;
     const [base, over] = this.#sources(job);
     await Promise.all([
-      this.#lower.show(base, this.#layer(), this.#signal),
-      over && this.#upper.show(over, this.#layer(), this.#signal),
+      this.#lower.show(base, this.#signal),
+      over && this.#upper.show(over, this.#signal),
     ]);
     if (over) this.#aboveOf = mode;
     if (mode === "samples" && this.#upper.file) await this.#scale.show(this.#upper.file);
@@ -173,7 +168,8 @@ export class Viewer {
     this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
     this.#lower.describe(`The image of ${job.name} at ${whole(this.#lower.spp ?? job.spp)} spp`);
     this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? job.spp)} spp, at the right` : "");
-    this.#paint();
+    this.#layers();
+    this.#words();
   }
 
   /**
@@ -185,7 +181,7 @@ export class Viewer {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(job);
     const map = MAPS[this.#mode];
-    return map?.of(job) ? [newest, { png: job.links[map.link], exr: null, ev: 0, version: newest.version }] : [newest];
+    return map?.of(job) ? [newest, { png: job.links[map.link], version: newest.version }] : [newest];
   }
 
   /** @param {Mode} mode */
@@ -193,10 +189,11 @@ export class Viewer {
     this.#mode = mode;
     for (const [name, button] of this.#modes) setAttribute(button, "aria-pressed", String(name === mode));
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
-    this.#light.element.hidden = this.#pixels.element.hidden = !isOfLight(mode);
+    this.#exposure.element.hidden = !isOfLight(mode);
     if (isOverlaid(mode)) this.#panels[mode]?.prepend(this.#overlay.label);
     this.#zones.element.toggleAttribute("hidden", mode !== "zones");
-    this.#paint();
+    this.#layers();
+    this.#words();
     this.#choose();
   }
 
@@ -226,47 +223,8 @@ export class Viewer {
     above.hidden = mode !== this.#aboveOf;
     above.style.opacity = isOverlaid(mode) ? `${this.#overlay.input.value}%` : "1";
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
+    for (const layer of [this.#lower, this.#upper]) layer.filter(isOfLight(mode) ? this.#exposure.filter : "none");
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
-  }
-
-  // Light.
-
-  /** The layer that has to be read; null where pictures do. */
-  #layer() {
-    if (!isOfLight(this.#mode)) return null;
-    return isAsJudged(this.#light.look) && !this.#inspects() ? null : this.#light.layer;
-  }
-
-  /** Whether pixels of the image are looked at. @returns {boolean} */
-  #inspects() {
-    return isOfLight(this.#mode) && this.#pixels.isOpen;
-  }
-
-  #relook() {
-    this.#paint();
-    if (this.#layer() !== null) this.#choose();
-  }
-
-  /** Updates layers, sliders and words. */
-  #paint() {
-    const look = isOfLight(this.#mode) ? this.#light.look : AS_JUDGED;
-    const two = this.#mode === "compare" && this.#aboveOf === "compare" ? [this.#lower, this.#upper] : [this.#lower];
-    this.#lower.draw(look);
-    this.#upper.draw(two.length > 1 ? look : AS_JUDGED);
-    const sides = this.#job ? this.#sources(this.#job) : [];
-    const isExact = isAsJudged(look) && !this.#inspects();
-    this.#light.explain(this.#lower.shown, isExact || !isOfLight(this.#mode) ? "" : Comparison.doubt(sides));
-    const linear = two.flatMap((layer) => layer.linear ?? []);
-    if (linear.length && isOfLight(this.#mode)) this.#light.offer(linear[0].image.channels);
-    if (this.#inspects()) {
-      const all = linear.length === two.length ? linear : [];
-      this.#pixels.show(all.map(({ image, background, ev }, at) => ({
-        name: sides[at]?.name ?? "", image, shown: two[at].shown ?? shownOf(image, look.choice, background), ev: ev + look.ev,
-      })));
-    }
-    this.#stage.mark(this.#inspects() ? this.#pixels.pixel : null);
-    this.#layers();
-    this.#words();
   }
 
   #words() {
@@ -275,7 +233,7 @@ export class Viewer {
     const size = job.width ? `${job.width} × ${job.height}` : "";
     const spp = this.#lower.spp && this.#mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
     const said = {
-      image: isAsJudged(this.#light.look) ? "as its display shows it" : "from the linear image",
+      image: this.#exposure.filter === "none" ? "as its display shows it" : "at another exposure",
       compare: this.#compare.caption(),
       difference: "on the image in dim grey",
       noise: job.estimate_fraction == null ? "known from the second slice on" : "on the image in dim grey",

@@ -4,8 +4,8 @@ import { h, signButton } from "../../shared/dom.js";
 
 /** @typedef {{ x: number, y: number }} Place  in shares of the frame, from its middle */
 /**
- * What a stage tells: the pointer's share of the width while it wipes, the pixel under it, and the key that flips.
- * @typedef {{ wipe: (share: number) => void, point: (pixel: Place) => void, flip: () => void }} Listener
+ * What a stage tells: the pointer's share of the width while it wipes, and the key that flips.
+ * @typedef {{ wipe: (share: number) => void, flip: () => void }} Listener
  */
 
 const MOST = 64;
@@ -15,7 +15,6 @@ const ARROWS = { ArrowLeft: { x: 0.1, y: 0 }, ArrowRight: { x: -0.1, y: 0 }, Arr
 export class Stage {
   #sheet;
   #line = h("div", { class: "wipe", hidden: true });
-  #mark = h("div", { class: "mark", hidden: true });
   #zoomText = h("output", { class: "zoom" });
   #size = { width: 1, height: 1 };
   #view = { scale: 1, x: 0, y: 0 };
@@ -32,7 +31,7 @@ export class Stage {
    */
   constructor(layers, listener) {
     this.#listener = listener;
-    this.#sheet = h("div", { class: "sheet" }, layers, this.#mark, this.#line);
+    this.#sheet = h("div", { class: "sheet" }, layers, this.#line);
     this.#frame = h("div", {
       class: "frame", tabindex: 0, role: "group",
       "aria-label": "Image. Plus and minus zoom, arrows move, 0 fits it, 1 shows its own pixels, F flips two that are compared.",
@@ -79,19 +78,6 @@ export class Stage {
     this.#frame.classList.toggle("wiping", this.#wiping);
   }
 
-  /**
-   * Marks a pixel; null marks none.
-   * @param {Place | null} pixel - from the left and the top
-   */
-  mark(pixel) {
-    this.#mark.hidden = !pixel;
-    if (!pixel) return;
-    const { width, height } = this.#size;
-    Object.assign(this.#mark.style, {
-      left: `${(100 * pixel.x) / width}%`, top: `${(100 * pixel.y) / height}%`, width: `${100 / width}%`, height: `${100 / height}%`,
-    });
-  }
-
   // The view: its scale relative to the fitted image, and its middle in shares of the frame.
 
   /** @param {Place & { scale: number }} view */
@@ -108,7 +94,6 @@ export class Stage {
     const [right, down] = [snapped(left, width, this.#view.x), snapped(top, height, this.#view.y)];
     this.#sheet.style.transform = `translate(${right}px, ${down}px) scale(${scale})`;
     this.#line.style.width = `${2 / scale}px`;
-    this.#mark.style.outlineWidth = `${1.5 / scale}px`;
     const shown = (scale * width * devicePixelRatio) / this.#size.width;
     this.#sheet.classList.toggle("large", shown >= 2 || Math.abs(shown - 1) < 1e-6);
     this.#frame.classList.toggle("zoomed", scale > 1);
@@ -166,20 +151,12 @@ export class Stage {
 
   /** @param {PointerEvent} event */
   #move(event) {
-    this.#point(event);
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
     const other = [...this.#pointers.values()].find(({ pointerId }) => pointerId !== event.pointerId);
     if (other) this.#pinch(before, event, other);
     else this.#drag(before, event);
     this.#pointers.set(event.pointerId, event);
-  }
-
-  /** @param {PointerEvent} event */
-  #point(event) {
-    const at = this.#onSheet(this.#place(event));
-    const pixel = { x: Math.floor(at.x * this.#size.width), y: Math.floor(at.y * this.#size.height) };
-    if (at.x >= 0 && at.y >= 0 && at.x < 1 && at.y < 1) this.#listener.point(pixel);
   }
 
   /**

@@ -14,13 +14,14 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
-from plateau.farm.images.exr import Pixels, decode_image, encode_image
+from plateau.farm.images.exr import Pixels, decode_image
 from plateau.farm.model.job import Job
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points import images as point_images
 from plateau.service.api.points import sums as point_sums
 from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
 from plateau.service.api.points.sums import PointSums
+from plateau.service.judging import previews
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -78,54 +79,51 @@ def http(farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
         yield http
 
 
+def forget_pictures(farm: NoiseFarm, job: Job) -> None:
+    """Delete the kept pictures, so that every point is merged from slices."""
+    for spp in previews.kept(farm.store, job.id):
+        farm.store.delete(blobs.preview(job.id, spp))
+
+
 class TestOverHttp:
     def test_every_point_has_one(self, job: Job, http: httpx.Client) -> None:
         listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
         assert [one["spp"] for one in listed] == [25, 50, 75, 100, 125, 150]
         for one in listed:
-            for path, kind in ((one["link"], "image/png"), (one["linear"], "image/x-exr")):
-                answer = http.get(path)
-                assert answer.status_code == 200
-                assert answer.headers["content-type"] == kind
-                assert answer.headers["plateau-spp"] == str(one["spp"])
-                assert answer.headers["cache-control"] == "private, max-age=86400"
-                tag = {"If-None-Match": answer.headers["etag"]}
-                assert http.get(path, headers=tag).status_code == 304
-                assert http.head(path).headers["etag"] == answer.headers["etag"]
+            answer = http.get(one["link"])
+            assert answer.status_code == 200
+            assert answer.headers["content-type"] == "image/png"
+            assert answer.headers["plateau-spp"] == str(one["spp"])
+            assert answer.headers["cache-control"] == "private, max-age=86400"
+            tag = {"If-None-Match": answer.headers["etag"]}
+            assert http.get(one["link"], headers=tag).status_code == 304
+            assert http.head(one["link"]).headers["etag"] == answer.headers["etag"]
 
     def test_is_to_the_bit_what_was_judged(
         self, job: Job, farm: NoiseFarm, http: httpx.Client
     ) -> None:
         root = f"/v1/jobs/{job.id}"
         # The last point's is the job's image, and a kept picture's is that picture
-        linear = decode_image(http.get(f"{root}/previews/150.exr").content)
-        assert np.array_equal(linear, decode_image(farm.picture(job, "image.exr")))
-        assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
         kept = farm.store.get(blobs.preview(job.id, 25))
-        farm.store.delete(blobs.preview(job.id, 25))
+        forget_pictures(farm, job)
+        assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
         assert http.get(f"{root}/previews/25.png").content == kept
-        # Noise falls with samples, whichever was asked for first
-        spread = [
-            decode_image(http.get(f"{root}/previews/{spp}.exr").content)[:, 0].std()
-            for spp in (125, 25)
-        ]
-        assert spread[1] / spread[0] == pytest.approx(5**0.5, rel=0.35)
 
     @pytest.mark.parametrize("spp", [30, 175, 1_000_000])
     def test_what_is_no_point_has_none(self, job: Job, http: httpx.Client, spp: int) -> None:
-        for kind in ("png", "exr"):
-            answer = http.get(f"/v1/jobs/{job.id}/previews/{spp}.{kind}")
-            assert answer.status_code == 404
-            assert answer.json()["type"] == "/problems/unknown-point"
-            assert "25 spp apart, up to 150" in answer.json()["detail"]
+        answer = http.get(f"/v1/jobs/{job.id}/previews/{spp}.png")
+        assert answer.status_code == 404
+        assert answer.json()["type"] == "/problems/unknown-point"
+        assert "25 spp apart, up to 150" in answer.json()["detail"]
 
     def test_a_lost_or_spoiled_slice_is_said(
         self, job: Job, farm: NoiseFarm, http: httpx.Client
     ) -> None:
         second = farm.jobs.ledger(job.id)[1]["blob"]
+        forget_pictures(farm, job)
 
         def refused() -> str:
-            answer = http.get(f"/v1/jobs/{job.id}/previews/50.exr")
+            answer = http.get(f"/v1/jobs/{job.id}/previews/50.png")
             assert answer.status_code == 409
             return str(answer.json()["detail"])
 
@@ -133,15 +131,16 @@ class TestOverHttp:
         assert "slice 1 is damaged" in refused()
         farm.store.delete(second)
         assert "slice 1 is gone" in refused()
-        assert http.get(f"/v1/jobs/{job.id}/previews/25.exr").status_code == 200
+        assert http.get(f"/v1/jobs/{job.id}/previews/25.png").status_code == 200
 
     def test_films_that_are_too_large_are_left_alone(
-        self, job: Job, http: httpx.Client, monkeypatch: pytest.MonkeyPatch
+        self, job: Job, farm: NoiseFarm, http: httpx.Client, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        forget_pictures(farm, job)
         monkeypatch.setattr("plateau.service.api.routes.previews.MOST_PIXELS", 32 * 24 - 1)
         listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
-        assert {one["linear"] for one in listed} == {None}
-        answer = http.get(f"/v1/jobs/{job.id}/previews/50.exr")
+        assert listed == []
+        answer = http.get(f"/v1/jobs/{job.id}/previews/50.png")
         assert answer.status_code == 409
         assert "767 pixels" in answer.json()["detail"]
 
@@ -178,6 +177,18 @@ class TestItsCost:
         assert store.read == before + 2
         images.close()
         fresh.close()
+
+    def test_the_last_sum_is_the_image_to_the_bit(
+        self, farm: NoiseFarm, job: Job, slices: list[KeptSlice]
+    ) -> None:
+        sums = PointSums(farm.store)
+        early, last = (
+            sums.image(job.id, slices[:count], is_given_up=lambda: False) for count in (1, SLICES)
+        )
+        assert early is not None
+        assert np.array_equal(last, decode_image(farm.picture(job, "image.exr")))
+        # Noise falls with samples
+        assert early[:, 0].std() / last[:, 0].std() == pytest.approx(SLICES**0.5, rel=0.35)
 
     def test_what_is_remembered_is_bounded(
         self,
@@ -227,11 +238,13 @@ class TestItsCost:
     def test_they_are_refused_in_words(
         self,
         job: Job,
+        farm: NoiseFarm,
         http: httpx.Client,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.setattr(point_images, "MOST_WAITING", 0)
-        answer = http.get(f"/v1/jobs/{job.id}/previews/100.exr")
+        forget_pictures(farm, job)
+        answer = http.get(f"/v1/jobs/{job.id}/previews/100.png")
         assert answer.status_code == 503
         assert answer.json()["type"] == "/problems/busy"
         assert answer.headers["retry-after"] == "5"
@@ -246,12 +259,12 @@ class TestItsCost:
             sums.image("job", slices[:2], is_given_up=lambda: False)
 
 
-def test_many_clients_at_once_all_get_theirs(job: Job, http: httpx.Client) -> None:
+def test_many_clients_at_once_all_get_theirs(job: Job, farm: NoiseFarm, http: httpx.Client) -> None:
+    forget_pictures(farm, job)
     spps = [25, 50, 75, 100, 125, 150]
     with ThreadPoolExecutor(len(spps)) as clients:
         found = list(
-            clients.map(lambda spp: http.get(f"/v1/jobs/{job.id}/previews/{spp}.exr"), spps)
+            clients.map(lambda spp: http.get(f"/v1/jobs/{job.id}/previews/{spp}.png"), spps)
         )
     assert [int(answer.headers["plateau-spp"]) for answer in found] == spps
-    images = [decode_image(answer.content) for answer in found]
-    assert len({encode_image(image) for image in images}) == len(spps)
+    assert len({answer.content for answer in found}) == len(spps)

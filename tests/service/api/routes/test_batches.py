@@ -1,4 +1,4 @@
-"""Batches over HTTP: many jobs by one request, summed up, guarded, steered."""
+"""Batches over HTTP: many jobs by one request, summed up, steered."""
 
 import json
 from typing import Any
@@ -108,7 +108,6 @@ class TestAListOfParameters:
             ({"parameters": [{}], "frames": 3}, "spec.frames"),
             ({"parameters": [{}], "min_spp": 20_000}, "spec"),
             ({"min_spp": 0}, "spec.min_spp"),
-            ({"flicker_guard": True}, "spec"),
             ({"batch": ""}, "spec.batch"),
             ({"batch": "x" * 101}, "spec.batch"),
             ({"batch": ".."}, "spec.batch"),
@@ -215,77 +214,6 @@ class TestASummary:
         assert found["estimate_fraction"]["least"] == pytest.approx(0.1 / 200)
         assert found["machine_s"] == pytest.approx(6)
         assert found["samples_saved"] == 800 * 32 * 24
-        assert found["guard"]["even"] is True
-        assert found["guard"]["spp"] == {"least": 200, "most": 200, "mean": 200}
-
-    def test_names_who_stops_otherwise(self, http: httpx.Client) -> None:
-        batch = submit(http, WIDE, frames(16, 17, batch="b")).json()
-        other = {"parameters": {"w": 16}, "batch": "b", "rule": {"name": "visible", "target": 0.01}}
-        odd = submit(http, WIDE, other).json()["id"]
-        guard = http.get(batch["links"]["self"]).json()["guard"]
-        assert (guard["guarded"], guard["even"]) == (False, False)
-        assert guard["differs"] == [
-            {"job": odd, "field": "rule.target", "value": 0.01, "others": 0.0002}
-        ]
-
-
-class TestAGuardedBatch:
-    def test_refuses_a_job_that_would_stop_otherwise(self, http: httpx.Client) -> None:
-        guarded = {"batch": "walk", "flicker_guard": True}
-        batch = submit(http, WIDE, frames(16, 17, min_spp=300, **guarded)).json()
-        assert batch["guard"]["guarded"] is True
-        assert batch["guard"]["min_spp"] == 300
-        # If a frame is rendered again as the others were
-        again = {"parameters": {"w": 17}, "batch": "walk", "min_spp": 300}
-        assert submit(http, WIDE, again).status_code == 201
-        # But not otherwise, alone or with others
-        for spec in (
-            {"parameters": {"w": 17}, "batch": "walk", "min_spp": 100, "view": {"exposure_ev": 2}},
-            frames(16, 17, batch="walk", min_spp=100, view={"exposure_ev": 2}),
-        ):
-            found = problem(submit(http, WIDE, spec), 409, "uneven-batch")
-            assert found["batch"] == "walk"
-            assert found["differs"] == [
-                {"field": "spec.min_spp", "value": 100, "others": 300},
-                {"field": "spec.view.exposure_ev", "value": 2.0, "others": 0.0},
-            ]
-        assert len(listed(http, batch="walk")) == 3
-
-    def test_can_be_guarded_afterwards(self, http: httpx.Client) -> None:
-        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
-        for _ in range(2):
-            answer = http.post(batch["links"]["guard"])
-            assert answer.status_code == 202
-            assert answer.json()["guard"]["guarded"] is True
-        other = {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100}
-        problem(submit(http, WIDE, other), 409, "uneven-batch")
-        denoised = {"parameters": {"w": 16}, "batch": "walk", "denoise": {"name": "oidn"}}
-        found = problem(submit(http, WIDE, denoised), 409, "uneven-batch")
-        assert "denoise.name" in found["detail"]
-        problem(http.post("/v1/batches/none/guard"), 404, "unknown-batch")
-
-    def test_cannot_be_made_of_jobs_that_stop_otherwise(self, http: httpx.Client) -> None:
-        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
-        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100})
-        found = problem(http.post(batch["links"]["guard"]), 409, "uneven-batch")
-        assert found["detail"] == (
-            "batch 'walk' cannot be guarded against flicker, since its jobs do not stop alike; see "
-            f"job {found['job_id']}: min_spp is 100 in its newest job, and not set there"
-        )
-        assert found["job_id"] in batch["job_ids"]
-        assert http.get(batch["links"]["self"]).json()["guard"]["guarded"] is False
-
-    def test_is_guarded_by_the_key_of_all_its_jobs(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=9)
-        one, other = (
-            {"Authorization": f"Bearer {ApiKeys(client).create(name, Role.SUBMITTER, limits)[1]}"}
-            for name in ("one", "other")
-        )
-        links = submit(http, WIDE, frames(16, batch="walk"), headers=one).json()["links"]
-        problem(http.post(links["guard"], headers=other), 403, "not-your-job")
-        assert http.post(links["guard"], headers=one).json()["guard"]["guarded"] is True
 
 
 class TestAShot:

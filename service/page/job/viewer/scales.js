@@ -1,11 +1,32 @@
-// The scale of the map of samples.
+// The scales of the maps in false colours: what their colours mean.
 
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
-import { ScaleBar } from "./scale_bar.js";
 
 const LATIN = new TextDecoder("latin1");
 
+class ScaleBar {
+  #ends = [h("output"), h("output"), h("output")];
+  element = h("span", { class: "scale" }, h("span", { class: "viridis" }), this.#ends);
+
+  /**
+   * Shows what is at its left end, in its middle, and at its right end.
+   * @param {string[]} texts
+   */
+  show(texts) {
+    texts.forEach((text, at) => setText(this.#ends[at], text));
+  }
+}
+
+/** The panel of the map of the quality, as `metric.heat_map` draws it. */
+export function qualityPanel() {
+  const bar = new ScaleBar();
+  bar.show(["nothing", "1.5 JOD", "3 JOD and more"]);
+  return h("div", { class: "panel" }, bar.element,
+    h("span", { class: "hint" }, "What a person would see of the noise, by ColorVideoVDP. 1 JOD: three of four people prefer the converged image."));
+}
+
+/** The panel of the map of samples. */
 export class SamplesScale {
   #bar = new ScaleBar();
   #hint = h("span", { class: "hint" });
