@@ -58,7 +58,7 @@ def test_a_report_keeps_what_is_not_measured_anew(
     assert report.last_tables("x") == {"a": [["", "s"], ["one", "1"], ["two", "2"]], "b": [[""]]}
 
 
-#: What docs/metric.md says in words of the compiled metric's cost.
+#: What docs/science/metric.md says in words of the compiled metric's cost.
 COSTS = {
     "importing metric.compiled": ".2g",
     "compiling the kernels": ".2g",
