@@ -113,9 +113,9 @@ def look_costs(renders: Rendered) -> dict[str, list[float]]:
 def left(one: Series, stop: Stop, *, evenly: bool = True) -> tuple[float, str]:
     """Return how many pixels were still visibly wrong, and how that is known.
 
-    It is without the noise of the reference; docs/science/paper.md says how. If pixels differ in spp, that
-    noise is taken to add as much as to an image whose samples are spread evenly. Late in a series
-    its part is unknown, and the count against the reference is an upper bound.
+    It is without the noise of the reference; docs/science/paper.md says how. If pixels differ in
+    spp, that noise is taken to add as much as to an image whose samples are spread evenly. Late in
+    a series its part is unknown, and the count against the reference is an upper bound.
     """
     true = one.truth_at(stop.spp)
     if true is None or not stop.seen:
