@@ -28,7 +28,7 @@ from plateau.farm.model.job import NONE_LEFT, Again, Job
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
-from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec import JobSpec, texts
 from plateau.farm.model.spec.allocation import LAG
 from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.redis import keys
@@ -188,6 +188,8 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     denoising with a name replaces the whole of it. The shot, the notice and the jobs that it came
     after are not inherited.
     """
+    if "parameters" in changes:
+        changes = {**changes, "parameters": texts.parameters(changes["parameters"])}
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
     for field in ("rule", "allocation", "denoise"):

@@ -290,7 +290,8 @@ def test_a_command_that_needs_more_says_which_extra_to_install(
 import json
 from pathlib import Path
 from typer.testing import CliRunner
-from plateau.cli import app
+from plateau.cli import app, meet_extensions
+meet_extensions()
 Path("table.csv").write_text("scene,100,200,400\\none,0.9,0.5,0.1\\n")
 Path("slices").mkdir()
 Path("one.png").touch()

@@ -32,8 +32,8 @@ class TestAgainstTheReference:
         assert measured([90, 5, 11]).reference_spp(0.001) is None
         assert measured([90, 5, 11]).true_spp(0.001) is None
 
-    def test_one_pixel_is_allowed_whatever_the_target(self) -> None:
-        assert measured([5, 1, 1]).reference_spp(0.0000001) == 100
+    def test_no_pixel_is_allowed_where_the_target_is_less_than_one(self) -> None:
+        assert measured([5, 1, 0]).reference_spp(0.0000001) == 150
 
 
 class TestTheReferencesOwnNoise:

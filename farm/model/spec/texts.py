@@ -42,7 +42,7 @@ def _colour(value: Any) -> Any:
     return red, green, blue
 
 
-def _parameters(value: Any) -> Any:
+def parameters(value: Any) -> Any:
     """The parameters of a scene: ``NAME=VALUE``, or a list of these."""
     texts = [value] if isinstance(value, str) else value
     if not (isinstance(texts, list | tuple) and all(isinstance(one, str) for one in texts)):
@@ -66,7 +66,7 @@ def _list(value: Any) -> Any:
 
 
 NAMED, SHOT, COLOUR, PARAMETERS, LIST, LISTED = map(
-    BeforeValidator, (_named, _shot, _colour, _parameters, _list, _tuple)
+    BeforeValidator, (_named, _shot, _colour, parameters, _list, _tuple)
 )
 
 
