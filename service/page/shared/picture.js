@@ -7,7 +7,7 @@ import { h } from "./dom.js";
  * The URL of a decoded picture; the caller revokes it.
  * @param {Blob} blob
  */
-async function decoded(blob) {
+export async function decoded(blob) {
   const image = h("img", { src: URL.createObjectURL(blob) });
   await image.decode();
   return image.src;
