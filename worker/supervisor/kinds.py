@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plateau.farm.model import versions
-from plateau.farm.model.renderers import renderer_of, variant_named
+from plateau.farm.model.renderers import renderer_of, variant_named, variants
 from plateau.worker.renderers.program import release
 from plateau.worker.supervisor import identity
 from plateau.worker.supervisor.variants import SCALAR, Probe, VariantChoice, probe
@@ -85,7 +85,7 @@ class Kinds:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all kinds that the worker is known to be."""
-        return tuple(map(self.named, tuple(self._known)))
+        return tuple(self.named(one) for one in tuple(self._known) if one in variants())
 
     def _remember(self, tried: Probe) -> None:
         self._known[tried.variant] = {"bits": tried.bits, "checked": time.time()}
