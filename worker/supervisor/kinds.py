@@ -85,17 +85,19 @@ class Kinds:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all kinds that the worker is known to be."""
-        return tuple(self.named(one) for one in tuple(self._known) if one in variants())
+        return tuple(map(self.named, tuple(self._known)))
 
     def _remember(self, tried: Probe) -> None:
         self._known[tried.variant] = {"bits": tried.bits, "checked": time.time()}
         self._memory.write(self._known)
 
     def _read(self) -> dict[str, dict[str, Any]]:
+        """What is remembered of the variants that are installed: a renderer may have gone since."""
         with contextlib.suppress(AttributeError, ValueError, TypeError, KeyError):
             return {
                 name: {"bits": str(one["bits"]), "checked": float(one["checked"])}
                 for name, one in (self._memory.read() or {}).items()
+                if name in variants()
             }
         return {}  # of the wrong shape
 

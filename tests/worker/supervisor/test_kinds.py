@@ -65,6 +65,17 @@ def test_another_variant_is_tested_once_for_all_workers_of_the_machine(
     assert trouble.startswith("scalar_spectral renders nothing here: was ended by SIGABRT")
 
 
+@pytest.mark.usefixtures("no_processes")
+def test_what_was_known_of_a_renderer_that_is_gone_is_forgotten(
+    kinds: Kinds, tmp_path: Path
+) -> None:
+    file = tmp_path / "kinds.json"
+    content = json.loads(file.read_text(encoding="utf-8"))
+    content["known"]["toy:plain"] = known(tmp_path, "scalar_rgb")
+    file.write_text(json.dumps(content), encoding="utf-8")
+    assert Kinds(tmp_path, CHOICE).names() == kinds.names()
+
+
 def test_it_is_tested_again_after_a_day(kinds: Kinds, tmp_path: Path) -> None:
     assert kinds.trouble(ANALYTIC) is None
     began = time.time()
