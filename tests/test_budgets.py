@@ -37,10 +37,10 @@ def lines(*folders: str, kinds: tuple[str, ...] = CODE) -> Counter[str]:
 
 def files(*folders: str, kinds: tuple[str, ...]) -> Iterator[Path]:
     for folder in folders:
-        for path, within, names in os.walk(ROOT / folder):
-            inner = {name: str(Path(path, name).relative_to(ROOT)) for name in within}
+        for path, below, names in os.walk(ROOT / folder):
+            inner = {name: str(Path(path, name).relative_to(ROOT)) for name in below}
             left_out = NOT_OURS | (set(EXTENSIONS) - {folder})
-            within[:] = [name for name in inner if not {name, inner[name]} & left_out]
+            below[:] = [name for name in inner if not {name, inner[name]} & left_out]
             yield from (Path(path, name) for name in names if name.endswith(kinds))
 
 

@@ -153,18 +153,6 @@ def decode_partial(content: bytes) -> Partial:
     )
 
 
-def encode_image(
-    image: Pixels, attributes: Attributes | None = None, *, compressed: bool = True
-) -> bytes:
-    """Return a (height, width, 3) float32 image of linear Rec. 709 radiance as an EXR file.
-
-    Compression (ZIP, lossless) takes ten times as long. It saves a few percent of a noisy image,
-    and much of a flat background.
-    """
-    planes = {name: image[..., plane] for plane, name in enumerate("RGB")}
-    return _encode(planes, "zip" if compressed else "none", attributes or {})
-
-
 def encode_layers(
     planes: Mapping[str, Pixels],
     attributes: Attributes,

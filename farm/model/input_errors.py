@@ -55,14 +55,14 @@ def by_field(
 ) -> dict[str, str]:
     """The message for each wrong field of a spec or a request, by the errors and their places.
 
-    `with_values` has what was given too, except of webhooks: a caller's own process shows it.
+    `with_values` has what was given too, except of notices: a caller's own process shows it.
     """
     found: dict[str, list[str]] = {}  # several messages if a field may have several types
     given: dict[str, str] = {}
     for location, one in details:
         field = ".".join(_names(location))
         found.setdefault(field, []).append(message(one))
-        if with_values and one["type"] in _WORDS and "webhook" not in location:
+        if with_values and one["type"] in _WORDS and "notice" not in location:
             given[field] = _given(one)
     return {field: either(messages) + given.get(field, "") for field, messages in found.items()}
 

@@ -1,6 +1,6 @@
 """Network addresses: which mean this machine, and to which the farm may send notices.
 
-Webhooks go to public addresses, and to those that the farm's owner names.
+Notices go to public addresses, and to those that the farm's owner names.
 
 A submitter chooses the URL, and the farm is inside a private network: without a guard, any
 submitter could have it send requests to machines that only the farm can reach. So a host is

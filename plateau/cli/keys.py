@@ -170,7 +170,7 @@ def redis_acl(
 
     A worker's user can access the queue and nothing else. The file holds hashes of the passwords.
     Redis reads it with `aclfile /etc/redis/users.acl` in its configuration, and again on
-    `ACL LOAD`. A newer Plateau may need other rights: make the file again before you start it.
+    `ACL LOAD`. Another Plateau may need other rights: make the file again before you start it.
     """
     from plateau.commands.keys import redis_acl as run
 

@@ -137,8 +137,7 @@ def again(
     old one's samples if they are left and the changes allow it; standard error says how many, or
     why none. A stricter rule and a higher cap allow it, but on scalar_rgb not every cap does. If
     the old job kept its slices (--keep-slices), the view and the step may change too, and with a
-    --max-spp that is not beyond them nothing is rendered. Another --seed draws other samples. Of a
-    failed job, the workers on which it failed are blocked for the new one.
+    --max-spp that is not beyond them nothing is rendered. Another --seed draws other samples.
     """
     from plateau.commands.jobs import again as run
 

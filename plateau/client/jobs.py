@@ -76,8 +76,7 @@ class JobCalls(Calls):
 
         It has the samples of the old job where they are left and the new spec draws the same;
         `again` of the new job says how many it keeps, or why none. Another ``seed`` draws others.
-        The webhook, ``after`` and ``shot`` are not inherited. Of a failed job, the workers on which
-        tries failed are blocked for the new one.
+        The notice, ``after`` and ``shot`` are not inherited.
 
         Parameters
         ----------

@@ -14,12 +14,12 @@ from plateau.farm.images.exr import (
     decode_image,
     decode_layers,
     decode_partial,
-    encode_image,
     encode_layers,
     encode_partial,
 )
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec.exr import Compression
+from tests.support.images.plain_exr import encode_image
 
 RNG = np.random.default_rng(7)
 

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plateau.farm.images.exr import decode_image, encode_image
+from plateau.farm.images.exr import decode_image
+from tests.support.images.plain_exr import encode_image
 
 RNG = np.random.default_rng(9)
 RED, GREEN, BLUE = RNG.random((3, 4, 5), np.float32)

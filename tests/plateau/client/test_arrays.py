@@ -9,8 +9,9 @@ import redis
 
 from plateau import ApiError, Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Partial, encode_image, encode_layers, encode_partial
+from plateau.farm.images.exr import Partial, encode_layers, encode_partial
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.images.plain_exr import encode_image
 
 
 def test_the_merged_image_is_an_array(plateau: Client, client: redis.Redis, store: Blobs) -> None:

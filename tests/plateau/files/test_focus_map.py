@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from plateau.errors import CommandFailed
-from plateau.farm.images.exr import encode_image
 from plateau.farm.images.png import encode_png
 from plateau.files.focus_map import focus_of
+from tests.support.images.plain_exr import encode_image
 
 
 def written(path: Path, grey: np.ndarray) -> Path:

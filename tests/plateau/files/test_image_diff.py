@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 import plateau.files.image_diff
 from plateau.cli import app
-from plateau.farm.images.exr import encode_image
 from plateau.farm.images.png import encode_png
 from plateau.files.image_diff import compare_files, share
+from tests.support.images.plain_exr import encode_image
 
 ROOT = Path(__file__).parents[3]
 GOLDENS = ROOT / "tests" / "reference" / "goldens"

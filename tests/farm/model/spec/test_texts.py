@@ -63,6 +63,11 @@ def test_what_was_given_is_told_where_it_was_given_and_no_secret() -> None:
     assert one.value.problem["errors"] == [
         {"field": "spec.max_spp", "message": "must be at least 1, not -3"}
     ]
-    with pytest.raises(InvalidSpec) as other:
-        spec_of(None, {"webhook": {"url": "https://host/path", "secret": "swordfish"}})
-    assert "swordfish" not in str(other.value)
+    for notice in (
+        {"url": "https://host/path", "secret": "swordfish"},
+        {"url": 7, "secret": "swordfish"},
+        {"targets": ["the swordfish, no name"]},
+    ):
+        with pytest.raises(InvalidSpec) as other:
+            spec_of(None, {"notice": notice})
+        assert "swordfish" not in str(other.value)
