@@ -454,7 +454,7 @@ def _(world: World) -> Callable[[], object]:
     return lambda: Deletions(world.lossy).set(job, deleted=True)
 
 
-@case("set_deleted: restored", is_anything, answers_before=2)
+@case("set_deleted: restored", is_anything)
 def _(world: World) -> Callable[[], object]:
     job = world.finished()
     Deletions(world.direct).set(job, deleted=True)
