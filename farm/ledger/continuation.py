@@ -16,6 +16,7 @@ new spec can have them.
 
 import hashlib
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -188,7 +189,9 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     denoising with a name replaces the whole of it. The shot, the notice and the jobs that it came
     after are not inherited.
     """
-    if "parameters" in changes:
+    with suppress(
+        KeyError, ValueError
+    ):  # the check of the whole spec refuses what is no NAME=VALUE
         changes = {**changes, "parameters": texts.parameters(changes["parameters"])}
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)

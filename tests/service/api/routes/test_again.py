@@ -442,6 +442,8 @@ class TestOverHttp:
             ({"rule": {"spp": "many"}}, "invalid-spec"),
             ({"max_spp": 10**9}, "invalid-spec"),
             ({"shot": {"fps": 24}}, "invalid-spec"),
+            ({"parameters": "width"}, "invalid-spec"),
+            ({"parameters": ["width=32", "=3"]}, "invalid-spec"),
             ([1], "invalid-request"),
         ],
     )
