@@ -189,9 +189,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     denoising with a name replaces the whole of it. The shot, the notice and the jobs that it came
     after are not inherited.
     """
-    with suppress(
-        KeyError, ValueError
-    ):  # the check of the whole spec refuses what is no NAME=VALUE
+    with suppress(KeyError, ValueError):  # what is no NAME=VALUE is refused with the whole spec
         changes = {**changes, "parameters": texts.parameters(changes["parameters"])}
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
