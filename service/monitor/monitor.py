@@ -7,8 +7,6 @@ separate thread, so that a long evaluation does not cost it a job.
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Final
 
 from plateau.farm.blobs.read_ahead import ReadAhead
@@ -41,7 +39,6 @@ from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.notifier.notifier import notifying
 from plateau.service.monitor.notifier.troubles import telling_troubles
 from plateau.service.monitor.shots.tending import Tending
-from plateau.service.monitor.side_by_side import SideBySide
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
 
@@ -62,9 +59,8 @@ class Monitor:
         client = self._client = connect(settings.redis_url)
         self._blobs = store
         self._ahead = ReadAhead(store)
-        self._side_by_side = SideBySide(client)
-        self._jobs = Jobs(self._side_by_side.client)
-        self._owners = Ownerships(self._side_by_side.client, settings.lease_s)
+        self._jobs = Jobs(client)
+        self._owners = Ownerships(client, settings.lease_s)
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = Ownerships(renewing, settings.lease_s)
         self._work = MonitorWork(renewing, self.id, settings.lease_s)
@@ -81,7 +77,6 @@ class Monitor:
         self._tending = Tending(Shots(client), store)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when to look at them again
-        self._in_turn: set[str] = set()  # jobs that are being advanced
         self._taken_at = float("-inf")  # when this monitor last looked for jobs
         self._crew = Crew(())
         self._counted_at = float("-inf")
@@ -135,27 +130,16 @@ class Monitor:
                 return
 
     def _look(self, hinted: set[str]) -> None:
-        """Take the jobs without an owner, and advance the jobs whose turn it is, side by side."""
+        """Take the jobs without an owner, and advance the jobs whose turn it is."""
         self._take(hinted)
-        self._side_by_side.run(self._due(hinted, self._living()))
-        if not self._stop.is_set():
-            self._tend()
-
-    def _due(self, hinted: set[str], crew: Crew) -> Iterator[Callable[[], None]]:
-        """Yield the turns that are due; another monitor may take those after a stop."""
+        crew = self._living()
         for job_id in self._turns.next_jobs(self._owned, hinted):
             if self._stop.is_set():
-                return
-            if job_id not in self._in_turn:  # a fresh job may be in the next round already
-                yield partial(self._turn, self._owned[job_id], crew)
-
-    def _turn(self, owned: Ownership, crew: Crew) -> None:
-        self._in_turn.add(owned.job_id)
-        try:
-            with log.concerning(owned.job_id):
-                self._bring_forward(owned, crew)
-        finally:
-            self._in_turn.remove(owned.job_id)
+                break  # another monitor may take the other turns
+            with log.concerning(job_id):
+                self._bring_forward(self._owned[job_id], crew)
+        if not self._stop.is_set():
+            self._tend()
 
     def _tend(self) -> None:
         """Look at the shots whose frames wait; their troubles do not stop other jobs."""

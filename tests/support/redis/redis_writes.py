@@ -37,10 +37,8 @@ READS: Final = {
 }
 #: And what one module alone may send: the script, the migrations that make what it guards, and
 #: what shortens a log.
-#: `side_by_side` carries what the first of them asks for.
 RUNS_SCRIPTS: Final = {
     "farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
-    "service/monitor/side_by_side.py": {"EVALSHA", "SCRIPT"},
     "farm/ledger/schema.py": {"EVAL"},
     "farm/redis/embedded.py": {"BGREWRITEAOF"},
 }
