@@ -57,9 +57,9 @@ check: setup  ## Style, types and the import law: what CI runs before the tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m tests.page.api_types service/page/api_types.d.ts
-	$(BIN)/deno check --quiet service/page plateau/study/page
-	$(BIN)/deno lint --quiet service/page plateau/study/page
+	$(BIN)/python -m tests.page.api_types plateau/service/page/api_types.d.ts
+	$(BIN)/deno check --quiet plateau/service/page plateau/study/page
+	$(BIN)/deno lint --quiet plateau/service/page plateau/study/page
 
 bench: setup  ## Run every benchmark; results in bench/results
 	@for file in bench/[!_]*.py; do $(BIN)/python -m bench.$$(basename $$file .py) || exit 1; done

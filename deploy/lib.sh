@@ -13,7 +13,7 @@ apt_install() {
 }
 
 find_libraries() {
-  # What wheels need of the system, and slim images lack: worker/supervisor/needed_libraries.py has the list.
+  # What wheels need of the system, and slim images lack: plateau/worker/supervisor/needed_libraries.py has the list.
   local packages; packages=$(.venv/bin/python -m plateau.worker.supervisor.needed_libraries)
   [ -n "$packages" ] || return 0
   # shellcheck disable=SC2086  # one word for each package

@@ -20,9 +20,9 @@ from plateau.farm.redis.link import connect
 
 pytest.register_assert_rewrite("tests.support", "tests.soak")
 
-# The repository is on sys.path, so its folders could be imported by their own names, and would be
-# loaded a second time beside `plateau.farm` and the others. None makes Python refuse that.
-sys.modules.update(dict.fromkeys(("farm", "metric", "scenes", "service", "worker")))
+# The repository is on sys.path. Its links into the package could be imported by their own names,
+# and a module would be loaded a second time. None makes Python refuse that.
+sys.modules.update(dict.fromkeys(("metric", "scenes", "service", "worker")))
 
 #: Folders whose files take long: one that began last would end minutes after all others.
 _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")

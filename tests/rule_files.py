@@ -8,7 +8,7 @@ from pathlib import Path
 from plateau.rules import DEFAULT, rules
 
 ROOT = Path(__file__).parents[1]
-STUB = ROOT / "farm/model/spec/rule_specs.pyi"
+STUB = ROOT / "plateau/farm/model/spec/rule_specs.pyi"
 DOCS = ROOT / "docs/stopping.md"
 BEGIN, END = "<!-- installed rules -->\n\n", "\n<!-- /installed rules -->"
 

@@ -34,7 +34,7 @@ def test_every_problem_is_in_the_docs(problem: ProblemType) -> None:
 
 
 def page() -> str:
-    scripts = sorted((ROOT / "service" / "page").rglob("*.js"))
+    scripts = sorted((ROOT / "plateau" / "service" / "page").rglob("*.js"))
     ours = [script for script in scripts if "vendor" not in script.parts]
     return "\n".join(script.read_text() for script in ours)
 
@@ -58,7 +58,7 @@ def test_what_changed_and_what_is_left_are_not_both_visible(text: Callable[[], s
 
 DOCUMENTS = sorted(
     path
-    for pattern in ("*.md", "docs/**/*.md", "deploy/**/*.md", "scenes/*.md")
+    for pattern in ("*.md", "docs/**/*.md", "deploy/**/*.md", "plateau/**/*.md")
     for path in ROOT.glob(pattern)
 )
 
@@ -122,18 +122,8 @@ def test_every_page_of_decisions_is_in_their_index() -> None:
 
 
 def test_the_pages_that_code_names_are_there() -> None:
-    packages = (
-        "bench",
-        "deploy",
-        "farm",
-        "metric",
-        "plateau",
-        "scenes",
-        "service",
-        "tests",
-        "worker",
-    )
-    texts = [path.read_text() for name in packages for path in (ROOT / name).rglob("*.py")]
+    folders = ("bench", "deploy", "plateau", "tests")
+    texts = [path.read_text() for name in folders for path in (ROOT / name).rglob("*.py")]
     named = {page for text in texts for page in re.findall(r"\bdocs/[\w/-]+\.md", text)}
     assert named
     assert {page for page in named if not (ROOT / page).exists()} == set()

@@ -15,7 +15,7 @@ from tests.support.without_extensions import without
 
 ROOT = Path(__file__).parents[2]
 #: What is written by hand of the core and its deployment.
-ROOMS = ("farm", "metric", "service", "worker", "plateau", "scenes", "deploy")
+ROOMS = ("plateau", "deploy")
 KINDS = {".py", ".lua", ".js", ".ts", ".css", ".html", ".json", ".yaml", ".toml", ".sh"}
 #: Of each extension: its folder, and what only it says. (Vision has cycles of its own.)
 EXTENSIONS = {

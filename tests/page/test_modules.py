@@ -3,10 +3,10 @@
 import re
 from pathlib import Path
 
-PAGE = Path(__file__).parents[2] / "service" / "page"
+PAGE = Path(__file__).parents[2] / "plateau" / "service" / "page"
 OWN = {path: path for path in PAGE.rglob("*.js") if "vendor" not in path.parts}
 #: An extension's page is served in a folder of its name.
-for folder in (PAGE.parents[1] / "plateau").glob("*/page"):
+for folder in PAGE.parents[1].glob("*/page"):
     if folder.parent.name != "service":
         OWN |= {PAGE / folder.parent.name / path.name: path for path in folder.glob("*.js")}
 EXPORT = re.compile(r"^export (?:async )?(?:function|class|const|let) (\w+)", re.MULTILINE)

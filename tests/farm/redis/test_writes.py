@@ -14,7 +14,7 @@ from plateau.farm.redis import keys
 from tests.farm.redis.test_lost_answers import state
 from tests.support.redis import redis_writes
 from tests.support.redis.lost_answers import CASES, World
-from tests.support.redis.redis_writes import PACKAGES, READS, ROOT, RUNS_SCRIPTS
+from tests.support.redis.redis_writes import READS, ROOT, RUNS_SCRIPTS
 
 #: Functions that open a link to Redis.
 OPENERS = {"connect", "connect_to_renew", "open_link", "pipeline"}
@@ -46,7 +46,7 @@ def test_no_module_has_a_call_that_writes(client: redis.Redis) -> None:
     """Whatever is a link to Redis by its type or its making has methods called on it that read."""
     known = client.command()
     writes = {name for name, about in known.items() if "write" in about["flags"]} | OTHER_NAMES
-    modules = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    modules = list((ROOT / "plateau").rglob("*.py"))
     found = [
         f"{module}:{line} {method}"
         for path in modules
@@ -77,10 +77,10 @@ def test_the_look_at_calls_finds_them() -> None:
 
 def test_a_write_is_found_when_it_is_sent(client: redis.Redis) -> None:
     # Given code of Plateau's that writes by itself
-    note = compile("client.hset('a', 'b', 1)", str(ROOT / "farm" / "notes.py"), "exec")
-    with pytest.raises(AssertionError, match=r"farm/notes.py:1 sends HSET to Redis by itself"):
+    note = compile("client.hset('a', 'b', 1)", str(ROOT / "plateau" / "notes.py"), "exec")
+    with pytest.raises(AssertionError, match=r"plateau/notes.py:1 sends HSET to Redis by itself"):
         exec(note, {"client": client})
-    assert redis_writes.found.pop().startswith("farm/notes.py:1")
+    assert redis_writes.found.pop().startswith("plateau/notes.py:1")
     # But not what a script writes, or a test
     note_sweep(client)
     client.hset("a", "b", 1)

@@ -15,7 +15,7 @@ from tests.page.job.test_job import is_shown, png
 from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
 from tests.support.farms.noise_farm import NoiseFarm
 
-STYLE = Path(__file__).parents[3] / "service" / "page" / "job" / "viewer" / "viewer.css"
+STYLE = Path(__file__).parents[3] / "plateau" / "service" / "page" / "job" / "viewer" / "viewer.css"
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
 
-BOX = Path(__file__).parents[3] / "scenes" / "box"
+BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 
 
 class Farm:

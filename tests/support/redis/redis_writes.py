@@ -17,7 +17,6 @@ import redis.asyncio.client
 import redis.client
 
 ROOT: Final = Path(__file__).parents[3]
-PACKAGES: Final = ("farm", "metric", "worker", "service", "study", "plateau")
 
 #: What any module may send; by the server's own word none of it writes.
 READS: Final = {
@@ -38,9 +37,9 @@ READS: Final = {
 #: And what one module alone may send: the script, the migrations that make what it guards, and
 #: what shortens a log.
 RUNS_SCRIPTS: Final = {
-    "farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
-    "farm/ledger/schema.py": {"EVAL"},
-    "farm/redis/embedded.py": {"BGREWRITEAOF"},
+    "plateau/farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
+    "plateau/farm/ledger/schema.py": {"EVAL"},
+    "plateau/farm/redis/embedded.py": {"BGREWRITEAOF"},
 }
 
 #: What was sent beside that, in the whole run.
@@ -50,11 +49,11 @@ found: Final[list[str]] = []
 @functools.cache
 def module_of(file: str) -> str | None:
     """The path of a module of Plateau's within the repository; None of any other."""
-    path = Path(file).resolve()  # plateau/farm is a link to farm
+    path = Path(file).resolve()
     if not path.is_relative_to(ROOT):
         return None
     module = path.relative_to(ROOT)
-    return module.as_posix() if module.parts[0] in PACKAGES else None
+    return module.as_posix() if module.parts[0] == "plateau" else None
 
 
 def _check(command: object, sender: FrameType | None) -> None:

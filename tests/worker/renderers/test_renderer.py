@@ -16,7 +16,7 @@ from tests.support.variants import library_for
 
 ROOM = Path(__file__).parents[2] / "reference/scenes/room"
 NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
-SCENES = Path(__file__).parents[3] / "scenes"
+SCENES = Path(__file__).parents[3] / "plateau" / "scenes"
 
 SCENE = """\
 <scene version="3.0.0">

@@ -23,7 +23,7 @@ from plateau.worker.supervisor.child_process import ChildDied, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.variants import VARIANTS, library_for
 
-BOX = Path(__file__).parents[3] / "scenes" / "box"
+BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 SMALL = {"width": "16", "height": "12"}
 
 

@@ -26,7 +26,7 @@ from plateau.worker.supervisor.child_process import (
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.faults.loop_disk import LoopDisk
 
-BOX = Path(__file__).parents[3] / "scenes" / "box"
+BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
 SMALL = {"width": "16", "height": "12"}
 LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for

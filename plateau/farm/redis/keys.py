@@ -95,7 +95,8 @@ Channels carry only hints (a process that misses one looks again within some sec
 ``plateau:wake:workers:ID`` (``planned``, to an idle one),
 ``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:notifier`` (a job id).
 
-The script in ``farm/redis/lua`` writes all keys, but in migrations `plateau.farm.ledger.schema`.
+The script in ``plateau/farm/redis/lua`` writes all keys but the layout's version, which
+`plateau.farm.ledger.schema` writes.
 """
 
 from typing import Final

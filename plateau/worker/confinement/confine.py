@@ -162,10 +162,7 @@ def _python() -> Iterator[Path]:
     # `python -m` puts it first, unless it is told otherwise.
     working = None if getattr(sys.flags, "safe_path", False) else sys.path[0]
     yield from (Path(one) for one in sys.path if one not in ("", working))
-    plateau = Path(farm.__path__[0]).parent
-    yield plateau
-    # In a repository these are links to folders beside it.
-    yield from (plateau / one for one in ("farm", "worker"))
+    yield Path(farm.__path__[0]).parent
 
 
 def _program() -> Iterator[Path]:

@@ -1,6 +1,7 @@
 """The workers that may render a job: those of its pool that have its tags and its variant.
 
-Redis has both sides as text, so that a lease compares strings: see ``farm/redis/lua/waiting.lua``.
+Redis has both sides as text, so that a lease compares strings: see
+``plateau/farm/redis/lua/waiting.lua``.
 """
 
 from __future__ import annotations

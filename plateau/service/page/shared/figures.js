@@ -1,4 +1,4 @@
-// Figures as text, the same as in farm/wire/figures.py and on the command line; a test compares them.
+// Figures as text, the same as in plateau/farm/wire/figures.py and on the command line; a test compares them.
 
 const WHOLE = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const THREE = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 3 });

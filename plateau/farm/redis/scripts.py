@@ -1,4 +1,4 @@
-"""The one script of ``farm/redis/lua``: each write to Redis is an atomic command of it.
+"""The one script of ``plateau/farm/redis/lua``: each write to Redis is an atomic command of it.
 
 The script is assembled from files: first the functions that commands share, then the commands by
 subject, each with a comment that states its contract, and last ``dispatch.lua``, which checks the

@@ -20,7 +20,7 @@ end
 -- Does a field of decoded JSON have a value?
 local function given(value) return value ~= nil and value ~= cjson.null end
 
--- Add to a total of the whole farm; see farm/ledger/totals.py.
+-- Add to a total of the whole farm; see plateau/farm/ledger/totals.py.
 local function count(total, more)
   redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
 end

@@ -1,6 +1,6 @@
 """Figures in words, for command line, report and pictures alike.
 
-The page has the same (``service/page/shared/figures.js``), and a test compares the two.
+The page has the same (``plateau/service/page/shared/figures.js``), and a test compares the two.
 """
 
 from decimal import ROUND_HALF_UP, Decimal
