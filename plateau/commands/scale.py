@@ -90,7 +90,7 @@ def slurm(
 
 
 def _environment(limits: Limits, settings: Settings) -> dict[str, str]:
-    """Variables of the workers beside those of this process."""
+    """Variables of the workers besides those of this process."""
     environment = {"PLATEAU_PYTHON": os.environ.get("PLATEAU_PYTHON", sys.executable)}
     if limits.least == 0 and settings.leave_after_s is None:
         environment["PLATEAU_LEAVE_AFTER_S"] = f"{_LEAVE_AFTER_S:g}"

@@ -217,7 +217,7 @@ class TestPresets:
         assert 32 <= told[0] <= told[1]
         assert told[1] >= 200  # the rule's own least
         for one in (draft, final, limit):
-            expect(one).to_have_text(re.compile(r"about [\d,]+ spp, .*(s|min|h)|not to be told"))
+            expect(one).to_have_text(re.compile(r"about [\d,]+ spp, .*(s|min|h)|no estimate"))
         # The probe has left nothing behind
         expect(form.get_by_role("button", name="Render 10 s of it")).to_be_visible()
         left, _ = farm.jobs.search(limit=50)

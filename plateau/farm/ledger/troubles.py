@@ -1,4 +1,4 @@
-"""The troubles of a farm that its operator is told of: each once, until it is over."""
+"""The troubles of a farm that its operator is notified of: each once, until it is over."""
 
 import socket
 from collections import Counter
@@ -84,7 +84,7 @@ def _workers(jobs: Jobs) -> list[Trouble]:
 
 
 class ToldTroubles:
-    """Remembers in Redis who was told of what. Raises `StoreUnavailable` when it is away."""
+    """Remembers in Redis who was notified of what. Raises `StoreUnavailable` when it is away."""
 
     def __init__(self, client: RedisClient, patience_s: float, lease_s: float) -> None:
         self._scripts = Scripts(client)
@@ -110,7 +110,7 @@ class ToldTroubles:
         return due
 
     def told(self, field: str) -> None:
-        """Note that a trouble was told."""
+        """Note that someone was notified of a trouble."""
         self._scripts.run(NoteTold(trouble=field))
 
 

@@ -32,7 +32,7 @@ class Targets:
 
     urls: Mapping[str, str] = field(default_factory=dict, repr=False)  #: by name; secret
     always: tuple[str, ...] = ()
-    troubles: tuple[str, ...] = ()  #: those that are told of the farm's troubles
+    troubles: tuple[str, ...] = ()  #: those that are notified of the farm's troubles
 
     def with_always(self, asked: tuple[str, ...]) -> tuple[str, ...]:
         """The names that a job asks for, with those of every job; or `UnknownTarget`."""

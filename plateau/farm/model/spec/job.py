@@ -45,8 +45,8 @@ class JobSpec(SharedSpec):
         default=0,
         ge=0,
         le=JOB_SEEDS - 1,
-        description="how much of `seed` tells this frame of a batch from its first one; where a "
-        "scalar variant has too few seeds for all frames, they begin again at the first one's",
+        description="the part of `seed` that differs between the frames of a batch, 0 for the "
+        "first; where a scalar variant has too few seeds for all frames, they repeat",
     )
 
     def parameter_strings(self) -> dict[str, str]:

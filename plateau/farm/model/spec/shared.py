@@ -140,7 +140,7 @@ class SharedSpec(Strict):
     aovs: Aovs = Field(
         default=(),
         max_length=len(AOV_NAMES),
-        description="what image.exr has beside colour, such as albedo, normal or depth",
+        description="what image.exr has besides colour, such as albedo, normal or depth",
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: Annotated[RuleSpec, texts.NAMED] = Field(
@@ -171,7 +171,7 @@ class SharedSpec(Strict):
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
     notice: NoticeSpec = Field(
-        default_factory=NoticeSpec, description="who is told that the job has ended"
+        default_factory=NoticeSpec, description="who is notified when the job ends"
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Commands that remember which troubles of the farm its operator was told of."""
+"""Commands that remember which troubles of the farm its operator was notified of."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ class NoteTroubles(Command[Items[str]]):
 
     scope: str  #: whose troubles these are all
     found: tuple[str, ...]
-    patience_ms: int  #: for which a trouble lasts before it is told
+    patience_ms: int  #: for which a trouble lasts before anyone is notified
     lease_ms: int  #: for which its caller may tell it
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoteTold(Command[None]):
-    """Note that a trouble was told."""
+    """Note that someone was notified of a trouble."""
 
     trouble: str

@@ -106,7 +106,7 @@ class OneLength(Layer):
 
 _AMBIGUOUS: Final = Problem(
     MALFORMED_REQUEST,
-    "where the request's body ends cannot be told: send Content-Length, or with HTTP/1.1 "
+    "the request does not say where its body ends: send Content-Length, or with HTTP/1.1 "
     "Transfer-Encoding: chunked, and never both",
     headers={"Connection": "close"},
 )

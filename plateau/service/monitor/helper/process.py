@@ -23,7 +23,7 @@ class NoAnswer(Exception):
 class HelperProcess:
     """Asks a program one question at a time, in a process that is kept for the next one.
 
-    Whoever asks, asks always in the same thread: the end of that thread ends the process.
+    Ask from one thread only: the process ends with that thread.
 
     Parameters
     ----------

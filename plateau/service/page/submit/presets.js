@@ -57,7 +57,7 @@ export class Presets {
   }
 
   #label() {
-    setText(this.#button, this.#probing ? "Stop the probe" : `Render ${PROBE_S} s of it, to see what these take`);
+    setText(this.#button, this.#probing ? "Stop the probe" : `Render for ${PROBE_S} s to estimate the times`);
   }
 
   #toggle() {
@@ -88,7 +88,7 @@ export class Presets {
  * @param {number} cap
  */
 function inWords(expected, cap) {
-  if (!expected) return `not to be told after ${PROBE_S} s`;
+  if (!expected) return `no estimate after ${PROBE_S} s`;
   const { spp, seconds } = expected;
   const much = `about ${whole(Number(spp.toPrecision(2)))} spp, ${roughly(seconds)}`;
   return spp > cap ? `${much}: beyond the cap of ${whole(cap)}` : much;
