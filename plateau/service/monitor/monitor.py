@@ -33,8 +33,8 @@ from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
-from plateau.service.judging.judge import warm_up
-from plateau.service.monitor.denoising.process import Denoising
+from plateau.picture.denoising.process import Denoising
+from plateau.picture.judge import warm_up
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.notifier.notifier import notifying
 from plateau.service.monitor.notifier.troubles import telling_troubles

@@ -18,7 +18,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.metric import encode_srgb
 from plateau.metric.zones import zone_edges
-from plateau.service.judging.previews import kept
+from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film

@@ -11,10 +11,10 @@ from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.report import CAPTIONS, curve_file, report_html
 from plateau.farm.wire.views import job_view
+from plateau.picture import previews
 from plateau.service.api.parts import Parts
 from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.results.zip_stream import ZipEntry
-from plateau.service.judging import previews
 
 _EXR: Final = "image.exr"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plateau.files.independence import Independence, NotIndependent
+from plateau.picture.independence import Independence, NotIndependent
 
 SIZE = 48, 64
 BOARD = np.indices(SIZE).sum(axis=0)[..., np.newaxis] % 8 / 8  #: texture without noise

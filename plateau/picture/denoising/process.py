@@ -4,10 +4,10 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
-from plateau.service.judging.denoised import Denoised, DenoisingTask
-from plateau.service.monitor.denoising import child
-from plateau.service.monitor.helper.parts import packed, unpacked, write_part
-from plateau.service.monitor.helper.process import HelperProcess
+from plateau.farm.process.helper import HelperProcess, write_part
+from plateau.picture.arrays import packed, unpacked
+from plateau.picture.denoised import Denoised, DenoisingTask
+from plateau.picture.denoising import child
 
 #: Seconds that an image may take for each pixel: some twenty times what two cores need.
 PIXEL_S: Final = 2e-4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,14 +15,10 @@ from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from plateau.farm.images.exr import Pixels
     from plateau.farm.model.spec import JobSpec
-    from plateau.service.judging.merge import Merge
-
-#: Arrays by name, as they go to the process that denoises and come back.
-Arrays = dict[str, "NDArray[Any]"]
+    from plateau.picture.arrays import Arrays
+    from plateau.picture.merge import Merge
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +41,12 @@ class DenoisingTask:
         """
         halves = merge.halves(as_seen=False)
         assert halves is not None
-        others = merge.other_halves(as_seen=False) if spec.by_zones and is_point else None
         return cls(
             merge.image(as_seen=False),
-            _as_halves(halves),
+            halves,
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
-            None if others is None else _as_halves(others),
+            merge.other_halves(as_seen=False) if spec.by_zones and is_point else None,
             is_draft,
             merge.look,
         )
@@ -132,10 +127,6 @@ class Denoised:
             BlendError(*others) if others else None,
             bool(arrays["is_draft"]),
         )
-
-
-def _as_halves(halves: tuple[tuple[Pixels, float], tuple[Pixels, float]]) -> tuple[Half, Half]:
-    return Half(*halves[0]), Half(*halves[1])
 
 
 def guides_in(layers: Mapping[str, Pixels]) -> tuple[Pixels, ...]:

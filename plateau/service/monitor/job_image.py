@@ -4,12 +4,12 @@ import logging
 from concurrent.futures import Future
 
 from plateau.farm.model.states import MAX_TRIES
-from plateau.service.judging.denoised import Denoised, DenoisingTask
-from plateau.service.judging.judge import Judge
-from plateau.service.judging.merge import Merge
-from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.process import Denoising, TooLarge
-from plateau.service.monitor.helper.process import NoAnswer
+from plateau.farm.process.helper import NoAnswer
+from plateau.picture.denoised import Denoised, DenoisingTask
+from plateau.picture.denoising import oidn
+from plateau.picture.denoising.process import Denoising, TooLarge
+from plateau.picture.judge import Judge
+from plateau.picture.merge import Merge
 from plateau.service.monitor.known import Known
 
 _LOG = logging.getLogger(__name__)

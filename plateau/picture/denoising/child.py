@@ -3,11 +3,11 @@
 from hashlib import sha256
 from typing import IO
 
+from plateau.farm.process.helper import read_part, serve
 from plateau.metric import Image, blend_error, blended
-from plateau.service.judging.denoised import Denoised, DenoisingTask
-from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.helper.child import serve
-from plateau.service.monitor.helper.parts import packed, read_part, unpacked
+from plateau.picture.arrays import packed, unpacked
+from plateau.picture.denoised import Denoised, DenoisingTask
+from plateau.picture.denoising import oidn
 
 
 class Denoiser:

@@ -13,7 +13,8 @@ from plateau.farm.images.look import Look
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import SharedSpec
-from plateau.service.judging.canvas import Canvas, Sampled, canvas_of
+from plateau.metric import Half
+from plateau.picture.canvas import Canvas, Sampled, canvas_of
 
 _BETWEEN: Final = ", "  #: the kinds of workers in `Merge.origin`
 #: The channels that the first slices alone may have.
@@ -197,9 +198,7 @@ class Merge:
         assert self._total is not None
         return self.channels.normalised(self._film(self._total))
 
-    def halves(
-        self, *, as_seen: bool = True
-    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
+    def halves(self, *, as_seen: bool = True) -> tuple[Half, Half] | None:
         """Return the images of the even and of the odd slices, each with its spp.
 
         By zones, all of them have as many even samples as odd ones at the end of a round, which is
@@ -212,13 +211,11 @@ class Merge:
         odd = self.slices // 2
         even = self.slices - odd
         return (
-            (self._image(self._even, as_seen), even * self.slice_spp),
-            (self._image(self._without(self._even), as_seen), odd * self.slice_spp),
+            Half(self._image(self._even, as_seen), even * self.slice_spp),
+            Half(self._image(self._without(self._even), as_seen), odd * self.slice_spp),
         )
 
-    def other_halves(
-        self, *, as_seen: bool = True
-    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
+    def other_halves(self, *, as_seen: bool = True) -> tuple[Half, Half] | None:
         """Return two other halves, by zones at the end of a round: two slices in turn for each.
 
         Zones are chosen by these, since an estimate by halves that choose would flatter them. Where
@@ -232,13 +229,13 @@ class Merge:
 
     def _zoned_halves(
         self, half: NDArray[np.float64], half_spp: NDArray[np.int64], as_seen: bool
-    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
+    ) -> tuple[Half, Half]:
         assert self._sampled is not None
         grid, rest_spp = self._sampled.canvas.grid, self._sampled.spp - half_spp
         pixels = grid.width * grid.height
         sums = (half, half_spp), (self._without(half), rest_spp)
         one, other = (
-            (self._image(self._film(total, spp), as_seen), self._sampled.samples(spp) / pixels)
+            Half(self._image(self._film(total, spp), as_seen), self._sampled.samples(spp) / pixels)
             for total, spp in sums
         )
         return one, other

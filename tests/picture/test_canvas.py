@@ -9,7 +9,7 @@ from plateau.farm.images.exr import Partial
 from plateau.farm.model.slices.zones import Grid
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.allocation import ZonesAllocation
-from plateau.service.judging.merge import Merge
+from plateau.picture.merge import Merge
 
 GRID = Grid(40, 24, 16)
 SPEC = JobSpec(allocation=ZonesAllocation(size=16))
@@ -57,9 +57,9 @@ def test_zones_of_one_light_have_it_whatever_their_samples(border: int) -> None:
     np.testing.assert_allclose(merge.image()[..., 0], LIGHT, rtol=1e-5)
     halves = merge.halves()
     assert halves is not None
-    for image, spp in halves:
-        np.testing.assert_allclose(image[..., 0], LIGHT, rtol=1e-5)
-        assert spp == merge.samples / GRID.width / GRID.height / 2
+    for half in halves:
+        np.testing.assert_allclose(half.mean[..., 0], LIGHT, rtol=1e-5)
+        assert half.spp == merge.samples / GRID.width / GRID.height / 2
     assert merge.zone_spp is not None
     assert merge.zone_spp.tolist() == [[816, 16, 16], [16, 816, 16]]
     spp_map = merge.spp_map()

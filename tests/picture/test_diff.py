@@ -14,10 +14,10 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-import plateau.files.image_diff
+import plateau.picture.diff
 from plateau.cli import app
 from plateau.farm.images.png import encode_png
-from plateau.files.image_diff import compare_files, share
+from plateau.picture.diff import compare_files, share
 from tests.support.images.plain_exr import encode_image
 
 ROOT = Path(__file__).parents[3]
@@ -140,7 +140,7 @@ def test_a_share_says_0_and_100_only_where_it_is():
         *("over 99.9 %", "over 99.9 %"),
     ]
     assert share(100_000, 100_000) == "100 %"
-    assert doctest.testmod(plateau.files.image_diff).failed == 0
+    assert doctest.testmod(plateau.picture.diff).failed == 0
 
 
 def test_the_map_marks_the_visible_pixels_on_the_test_image(file, tmp_path):

@@ -10,9 +10,7 @@ from typing import IO
 import psutil
 import pytest
 
-from plateau.service.monitor.helper.child import serve
-from plateau.service.monitor.helper.parts import read_part, write_part
-from plateau.service.monitor.helper.process import HelperProcess, NoAnswer
+from plateau.farm.process.helper import HelperProcess, NoAnswer, read_part, serve, write_part
 from tests.support.until import until
 
 

@@ -23,10 +23,10 @@ from plateau.farm.images.exr import Pixels, decode_header, decode_image, decode_
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
-from plateau.files.independence import Independence
-from plateau.service.judging.judge import Judge
-from plateau.service.judging.merge import Merge
-from plateau.service.judging.result_files import non_finite_png
+from plateau.picture.independence import Independence
+from plateau.picture.judge import Judge
+from plateau.picture.merge import Merge
+from plateau.picture.result_files import non_finite_png
 
 
 class CannotJudge(PlateauError):

@@ -1,6 +1,6 @@
 """Which pixels of two image files an eye can tell apart.
 
->>> from plateau.files.image_diff import compare_files
+>>> from plateau.picture.diff import compare_files
 >>> comparison = compare_files(Path("a.png"), Path("b.png"))  # doctest: +SKIP
 >>> comparison.in_words()  # doctest: +SKIP
 '1,234 of 65,536 pixels (1.9 %) differ visibly'

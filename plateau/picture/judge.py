@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.images.exr import Pixels
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
@@ -16,23 +15,29 @@ from plateau.metric import (
     Estimate,
     Evidence,
     Forecast,
-    Half,
     Memory,
     Rule,
     Verdict,
     View,
     create_rule,
     focus_plane,
-    zone_fractions,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
+from plateau.picture.allotment import allotment
+from plateau.picture.denoised import Denoised
+from plateau.picture.merge import Merge
+from plateau.picture.point import (
+    of_curve,
+    of_denoising,
+    of_estimate,
+    of_forecast,
+    of_merge,
+    of_zones,
+)
+from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, DEFAULT
-from plateau.service.judging.allotment import allotment
-from plateau.service.judging.denoised import Denoised
-from plateau.service.judging.merge import Merge
-from plateau.service.judging.result_files import NoiseMaps, flaw_of
 
 
 def warm_up() -> None:
@@ -120,7 +125,7 @@ class Judge:
         visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
         self._curve_map = (merge.spp, visible)
-        curve = _curve(verdicts[CURVE])
+        curve = of_curve(verdicts[CURVE])
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
@@ -135,16 +140,14 @@ class Judge:
             else:
                 forecast = evidence.forecast(self._target)
         point = {
-            "spp": merge.spp,
-            "samples": merge.samples,
-            **_least_and_most(merge.spp_range),
+            **of_merge(merge),
             **curve,
-            **_estimate(estimate),
-            **({} if denoised is None or flaw else self._denoising(evidence, raw.estimate)),
-            **_forecast(forecast),
+            **of_estimate(estimate),
+            **({} if denoised is None or flaw else of_denoising(evidence, raw, self._target)),
+            **of_forecast(forecast),
             # By the image alone, so that it does not depend on which monitor judged those before.
             "expected_spp": self._expected_spp(forecast),
-            "zones": self._zone_fractions(visible, estimate),
+            "zones": of_zones(visible, estimate, self._zones),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
                 for name in self._shown
@@ -155,27 +158,15 @@ class Judge:
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
 
     def _evidence(self, merge: Merge) -> Evidence:
-        halves, image = merge.halves(), merge.image()
+        image = merge.image()
         focus = None if self._focus is None else focus_plane(self._focus, *image.shape[:2])
         return Evidence(
             spp=merge.spp,
             image=image,
-            halves=None if halves is None else _as_halves(*halves),
+            halves=merge.halves(),
             metric=self._metric,
             focus=focus,
         )
-
-    def _denoising(self, evidence: Evidence, raw: Estimate | None) -> dict[str, object]:
-        """Return what a point of a denoised image has beside the estimate."""
-        estimate = evidence.estimate
-        if estimate is None or raw is None:
-            return {}
-        allowed = evidence.allowed_pixels(self._target) if self._target else 0.0
-        return {
-            "estimate_undetermined": not estimate.is_determined(allowed),
-            "raw_estimate_pixels": raw.pixels,
-            "raw_estimate_fraction": raw.fraction,
-        }
 
     def _expected_spp(
         self, forecast: Forecast | None, crossing_spp: int | None = None
@@ -246,16 +237,6 @@ class Judge:
         quality = evidence.quality if self._by_quality else None
         return NoiseMaps(estimate.visible, None if quality is None else quality.heat)
 
-    def _zone_fractions(
-        self, visible: NDArray[np.bool_], estimate: Estimate | None
-    ) -> dict[str, object]:
-        return {
-            "visible_fraction": zone_fractions(visible, self._zones).tolist(),
-            "estimate_fraction": None
-            if estimate is None
-            else zone_fractions(estimate.visible, self._zones).tolist(),
-        }
-
     def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return the rules' memory for a checkpoint: numbers, and images by name."""
         memories = {name: rule.memory() for name, rule in self._rules.items()}
@@ -284,10 +265,6 @@ def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
     return replace(raw, image=denoised.blend.seen, error=denoised.error)
 
 
-def _as_halves(one: tuple[Pixels, float], other: tuple[Pixels, float]) -> tuple[Half, Half]:
-    return Half(*one), Half(*other)
-
-
 def _by_other_halves(
     evidence: Evidence, merge: Merge, denoised: Denoised | None
 ) -> Evidence | None:
@@ -297,7 +274,7 @@ def _by_other_halves(
     if denoised is not None:
         return replace(evidence, error=denoised.others) if denoised.others else None
     halves = merge.other_halves()
-    return replace(evidence, halves=_as_halves(*halves)) if halves else None
+    return replace(evidence, halves=halves) if halves else None
 
 
 def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:
@@ -308,41 +285,3 @@ def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -
     if value >= higher:
         return None
     return math.ceil(spp + (spp - earlier) * (value - limit) / (higher - value))
-
-
-# The fields of a point, as `plateau.farm.model.job.CurvePoint` has them.
-
-
-def _least_and_most(spp: tuple[int, int] | None) -> dict[str, object]:
-    return {} if spp is None else {"spp_min": spp[0], "spp_max": spp[1]}
-
-
-def _curve(reverse: Verdict) -> dict[str, object]:
-    numbers = reverse.numbers
-    return {
-        "visible_pixels": int(numbers["visible_pixels"] or 0),
-        "visible_fraction": numbers["visible_fraction"],
-        "slope": numbers["slope"],
-        "non_finite_pixels": int(numbers["non_finite_pixels"] or 0),
-    }
-
-
-def _estimate(estimate: Estimate | None) -> dict[str, object]:
-    if estimate is None:
-        return {"estimate_pixels": None, "estimate_fraction": None}
-    return {
-        "estimate_pixels": estimate.pixels,
-        "estimate_fraction": estimate.fraction,
-        "estimate_low_pixels": estimate.low_pixels,
-        "estimate_high_pixels": estimate.high_pixels,
-    }
-
-
-def _forecast(forecast: Forecast | None) -> dict[str, object]:
-    if forecast is None:
-        return {}
-    return {
-        "forecast_spp": forecast.spp,
-        "forecast_low_spp": forecast.low_spp,
-        "forecast_high_spp": forecast.high_spp,
-    }

@@ -19,8 +19,8 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.slices.looks import next_look
 from plateau.farm.model.states import JobState
 from plateau.metric import Denoise, Half, View, encode_srgb
-from plateau.service.judging.denoised import DenoisingTask
-from plateau.service.monitor.denoising import child, oidn, process
+from plateau.picture.denoised import DenoisingTask
+from plateau.picture.denoising import child, oidn, process
 from tests.service.api.routes.test_again import go_on, loses
 from tests.service.monitor.test_channels import header
 from tests.support.farms.every_time import save_every_time

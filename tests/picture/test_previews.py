@@ -15,8 +15,8 @@ from PIL import Image
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
-from plateau.service.judging.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least
-from plateau.service.judging.result_files import LONGEST, thumbnail
+from plateau.picture.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least
+from plateau.picture.result_files import LONGEST, thumbnail
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.until import until

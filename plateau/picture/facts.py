@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from plateau.farm.model import versions
 from plateau.farm.model.job import Job, utc_now
-from plateau.service.judging.denoised import Denoised
-from plateau.service.judging.merge import Merge
+from plateau.picture.denoised import Denoised
+from plateau.picture.merge import Merge
 
 #: By name, without ``plateau:``. Each set of results stores them in a file, so that its images can
 #: be made again to the byte.

@@ -1,6 +1,12 @@
-"""The monitor's side of a helper process."""
+"""A process for work that would hold up its parent: it answers one question after the other.
 
+`HelperProcess` is the parent's side, `serve` the child's. Parts go between them, each after its
+length.
+"""
+
+import os
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -10,10 +16,12 @@ from contextlib import suppress
 from typing import IO, Final
 
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
-from plateau.service.monitor.helper.parts import read_part
 
 #: Seconds for which a process waits for the next question: it has loaded by then what it needs.
 _KEPT_S: Final = 30.0
+#: Below its parent, as a worker's renderer is.
+_NICENESS: Final = 10
+_LENGTH: Final = struct.Struct("<Q")
 
 
 class NoAnswer(Exception):
@@ -28,7 +36,7 @@ class HelperProcess:
     Parameters
     ----------
     module
-        The program's name: it serves by `plateau.service.monitor.helper.child`.
+        The program's name: it calls `serve`.
     kept_s
         For how many seconds the process waits for the next question.
     """
@@ -156,3 +164,32 @@ class _Process:
             raise NoAnswer(said or f"its process ended with status {status}") from None
         finally:
             deadline.cancel()
+
+
+def serve(answer: Callable[[IO[bytes]], bytes | memoryview]) -> None:
+    """Answer questions on the standard input, which `answer` reads, each whole.
+
+    An exception ends the process; the parent has its last line.
+    """
+    os.nice(_NICENESS)
+    with open(0, "rb") as questions, open(1, "wb") as answers:
+        while questions.peek(1):
+            write_part(answers, answer(questions))
+            answers.flush()
+
+
+def write_part(stream: IO[bytes], content: bytes | memoryview) -> None:
+    """Write a part; the stream may hold it back until it is flushed."""
+    stream.write(_LENGTH.pack(len(content)))
+    stream.write(content)
+
+
+def read_part(stream: IO[bytes]) -> bytes:
+    """Return the next part; raises EOFError where the stream ends before its end."""
+    head = stream.read(_LENGTH.size)
+    if len(head) == _LENGTH.size:
+        (length,) = _LENGTH.unpack(head)
+        content = stream.read(length)
+        if len(content) == length:
+            return content
+    raise EOFError("the stream has ended")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import logging
 from typing import TYPE_CHECKING, Any
@@ -17,10 +16,11 @@ from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.spec import JobSpec
-from plateau.service.judging.merge import Merge
+from plateau.picture.arrays import packed, unpacked
+from plateau.picture.merge import Merge
 
 if TYPE_CHECKING:
-    from plateau.service.judging.judge import Judge
+    from plateau.picture.judge import Judge
 
 _LOG = logging.getLogger(__name__)
 
@@ -52,10 +52,9 @@ class Checkpoints:
         `waits` says with what a frame waits for a look at its shot.
         """
         numbers, images = judge.memory()
-        content = _pack(
-            {"rules": numbers, "film": merge.about()},
-            {**merge.arrays(), **{f"rule:{name}": image for name, image in images.items()}},
-        )
+        about = {"rules": numbers, "film": merge.about()}
+        arrays = {"about": np.array(json.dumps(about)), **merge.arrays()}
+        content = bytes(packed(arrays | {f"rule:{name}": image for name, image in images.items()}))
         saved = Checkpoint(
             blob=f"{blobs.checkpoints(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}.npz",
             sha256=hashlib.sha256(content).hexdigest(),
@@ -128,7 +127,8 @@ def unpacked_sums(
     content: bytes, slices: int, spec: JobSpec
 ) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
     """Return what `read_sums` does, of the bytes of a checkpoint of so many slices."""
-    about, arrays = _unpack(content)
+    arrays = unpacked(content)
+    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
     images = {
         name.removeprefix("rule:"): image
         for name, image in arrays.items()
@@ -137,18 +137,3 @@ def unpacked_sums(
     merge = Merge.of(spec)
     merge.restore(slices, arrays, about["film"])
     return merge, (about["rules"], images)
-
-
-def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
-    """Return numbers and arrays as one ``.npz`` file."""
-    stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
-    return stream.getvalue()
-
-
-def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return what `_pack` was given."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
-    return about, arrays

@@ -25,9 +25,9 @@ from plateau.metric import (
     non_finite_pixels,
     samples_map,
 )
-from plateau.service.judging.denoised import layers_of
-from plateau.service.judging.facts import Facts, exr_header, png_texts
-from plateau.service.judging.merge import Merge
+from plateau.picture.denoised import layers_of
+from plateau.picture.facts import Facts, exr_header, png_texts
+from plateau.picture.merge import Merge
 
 #: The most pixels of a thumbnail's longer side.
 LONGEST: Final = 192
