@@ -16,8 +16,6 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
@@ -53,6 +51,8 @@ from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import Targets
 
 _DESCRIPTION: Final = """
 Renders Mitsuba 3 scenes until the eye can no longer tell that more samples were added.

@@ -27,7 +27,6 @@ from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
 from plateau.farm.process.lifecycle import process_id, show_life
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
@@ -41,6 +40,7 @@ from plateau.service.monitor.notifier.troubles import telling_troubles
 from plateau.service.monitor.shots.tending import Tending
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
+from plateau.service.notices.targets import read_targets
 
 _LOG = logging.getLogger(__name__)
 

@@ -22,7 +22,6 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.job import Notice
 from plateau.farm.model.states import JobState
-from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
@@ -31,6 +30,7 @@ from plateau.farm.redis.wake import Wake
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier, notifying
 from plateau.service.monitor.notifier.requests import Requests
+from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Receiver, hangs, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -197,7 +197,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.ledger.outbox import Outbox
-from plateau.farm.process.addresses import Receivers
+from plateau.service.notices.receivers import Receivers
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests

@@ -1,6 +1,4 @@
-"""Network addresses: which mean this machine, and to which the farm may send notices.
-
-Notices go to public addresses, and to those that the farm's owner names.
+"""To which network addresses the farm sends notices: public ones, and those that its owner names.
 
 A submitter chooses the URL, and the farm is inside a private network: without a guard, any
 submitter could have it send requests to machines that only the farm can reach. So a host is
@@ -164,15 +162,3 @@ def _unencrypted(host: str) -> ReceiverRefused:
         f"messages to {host} would go by plain HTTP, which anyone on the way can read: use https, "
         f"or have it named in the farm's {_SETTING}"
     )
-
-
-def is_loopback(host: str) -> bool:
-    """Whether this name or address, without a port, can only mean this machine."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        if host.startswith("[") and host.endswith("]"):
-            return IPv6Address(host[1:-1]).is_loopback
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False

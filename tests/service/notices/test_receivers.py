@@ -2,7 +2,7 @@
 
 import pytest
 
-from plateau.farm.process.addresses import ReceiverRefused, Receivers
+from plateau.service.notices.receivers import ReceiverRefused, Receivers
 
 PUBLIC = ["93.184.215.14", "8.8.8.8", "2606:2800:21f:cb07:6820:80da:af6b:8b2c", "64:ff9b::808:808"]
 PRIVATE = [
