@@ -26,13 +26,9 @@ from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem, documented
 from plateau.service.api.submission import idempotency
-from plateau.service.api.submission.uploads import (
-    StoredScene,
-    Submission,
-    create_job,
-    stored_scene,
-    submission,
-)
+from plateau.service.api.submission.creation import create_job
+from plateau.service.api.submission.reading import Submission, submission
+from plateau.service.api.submission.storing import StoredScene, stored_scene
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
