@@ -104,6 +104,7 @@ def create_app(
     )
     ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
+        redis=client,
         jobs=ledger,
         scenes=SceneIndex(client),
         batches=Batches(client),
@@ -120,7 +121,7 @@ def create_app(
         placing=placing or Placing(),
     )
     app.state.parts = parts
-    app.state.metrics = Metrics(parts.jobs, blobs)
+    app.state.metrics = Metrics(client, blobs)
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
         routes_jobs,

@@ -15,6 +15,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import (
     BlobsUnavailable,
     FenceLost,
@@ -250,7 +251,7 @@ class Monitor:
     def _living(self) -> Crew:
         """The living workers, counted anew every two seconds."""
         if time.monotonic() > self._counted_at + _CENSUS_S:
-            self._crew = Crew(self._jobs.workers(self._lease_s))
+            self._crew = Crew(Workers(self._client).living(self._lease_s))
             self._counted_at = time.monotonic()
         return self._crew
 

@@ -75,7 +75,7 @@ class NoiseFarm:
         *,
         alpha: bool = False,
     ) -> None:
-        self.jobs = Jobs(client)
+        self.client, self.jobs = client, Jobs(client)
         self.store = Blobs(str(folder / "blobs"))
         self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=5.0)
         self.queue = SliceQueue(client, "noise", 60)

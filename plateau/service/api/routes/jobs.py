@@ -35,7 +35,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     """The jobs as the caller sees them, with their places in the queue and what they wait for."""
-    crew = Crew([] if all(job.state.ended for job in jobs) else farm.jobs.workers())
+    crew = Crew([] if all(job.state.ended for job in jobs) else farm.workers.living())
     in_line = {job.id for job in jobs if _is_in_line(job)}
     places = farm.jobs.places() if in_line else {}
 

@@ -20,6 +20,7 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Notice
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
@@ -144,7 +145,7 @@ def test_after_its_last_try_it_is_given_up(farm: Farm) -> None:
         job = farm.job(receiver)
         assert farm.await_state(job, "given-up").error == "the receiver answered 503"
     assert len(receiver.received) == 14
-    census = Jobs(farm.client).census()
+    census = take_census(farm.client)
     assert census.notice_tries == {"delivered": 0, "failed": 13, "given-up": 1}
 
 

@@ -12,6 +12,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.images.exr import Pixels, decode_image, decode_layers
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.model.shot import ShotLook
 from plateau.farm.model.spec import BatchSpec
@@ -93,7 +94,7 @@ def seen(look: ShotLook) -> dict[str, object]:
 
 def has_gone_on(farm: ShotFarm, looks: int) -> bool:
     """Whether a slice can be leased, or a look was noted."""
-    more = farm.jobs.census().slices["waiting"] > 0
+    more = take_census(farm.client).slices["waiting"] > 0
     return more or farm.is_over() or farm.record().looks > looks
 
 
