@@ -48,6 +48,7 @@ from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
+from plateau.service.api.routes import submit as routes_submit
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
@@ -124,6 +125,7 @@ def create_app(
     app.state.metrics = Metrics(client, blobs)
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
+        routes_submit,
         routes_jobs,
         routes_deletions,
         routes_batches,
