@@ -5,7 +5,7 @@ import logging
 from collections.abc import Iterable
 from typing import Final, Protocol
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.read_ahead import Series
 from plateau.farm.images.exr import Partial, decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships

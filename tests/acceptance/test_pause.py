@@ -2,7 +2,7 @@
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.workers import Workers
 from tests.support.farms.faulty_farm import SPEC
 from tests.support.farms.real_farm import RealFarm

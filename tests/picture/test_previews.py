@@ -12,7 +12,7 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.picture.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least

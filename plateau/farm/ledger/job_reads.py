@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger import records
 from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
 from plateau.farm.ledger.slice_log import slice_log

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.read_ahead import ReadAhead
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs

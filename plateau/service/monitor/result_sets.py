@@ -4,7 +4,7 @@ import hashlib
 import logging
 from dataclasses import replace
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships

@@ -12,7 +12,7 @@ import redis
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels
 from plateau.farm.ledger.jobs import Jobs

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches, Steer

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.bundle.hashes import FileHashes

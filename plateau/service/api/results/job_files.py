@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv

@@ -12,7 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
-from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs import names as blob_names
 from plateau.farm.bundle import SceneSummary
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.scene_index import SceneIndex

@@ -11,7 +11,7 @@ import pytest
 import redis
 from pydantic import ValidationError
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, lost_by

@@ -10,7 +10,7 @@ import pytest
 import redis
 
 from plateau.client.watching import parse_events
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial

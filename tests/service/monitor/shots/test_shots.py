@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import Pixels, decode_image, decode_layers
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
