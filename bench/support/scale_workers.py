@@ -21,8 +21,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake

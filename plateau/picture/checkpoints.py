@@ -16,7 +16,7 @@ from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.spec import JobSpec
-from plateau.picture.arrays import packed, unpacked
+from plateau.picture.denoised import packed, unpacked
 from plateau.picture.merge import Merge
 
 if TYPE_CHECKING:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,10 +16,15 @@ from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
     from plateau.farm.images.exr import Pixels
     from plateau.farm.model.spec import JobSpec
-    from plateau.picture.arrays import Arrays
     from plateau.picture.merge import Merge
+
+
+#: Arrays by name, as they go to another process or into a blob.
+Arrays = dict[str, "NDArray[Any]"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,3 +154,16 @@ def layers_of(blend: Blend, raw: Pixels, behind: Pixels | float = 0) -> dict[str
         for layer, colour in made.items()
         for plane, name in enumerate("RGB")
     } | {"denoised.weight": blend.weight}
+
+
+def packed(arrays: Arrays) -> memoryview:
+    """Return arrays as one ``.npz`` file."""
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays)
+    return file.getbuffer()
+
+
+def unpacked(content: bytes) -> Arrays:
+    """Return what was `packed`."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}

@@ -8,7 +8,7 @@ import pytest
 from plateau.farm.images.exr import Partial
 from plateau.farm.model.slices.zones import Grid
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.picture.merge import Merge
 
 GRID = Grid(40, 24, 16)

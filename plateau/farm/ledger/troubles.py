@@ -15,7 +15,7 @@ from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
+from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 
 #: How many jobs without a worker are looked at.

@@ -5,8 +5,7 @@ from typing import IO
 
 from plateau.farm.process.helper import read_part, serve
 from plateau.metric import Image, blend_error, blended
-from plateau.picture.arrays import packed, unpacked
-from plateau.picture.denoised import Denoised, DenoisingTask
+from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import oidn
 
 

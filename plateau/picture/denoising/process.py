@@ -5,8 +5,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
 from plateau.farm.process.helper import HelperProcess, write_part
-from plateau.picture.arrays import packed, unpacked
-from plateau.picture.denoised import Denoised, DenoisingTask
+from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import child
 
 #: Seconds that an image may take for each pixel: some twenty times what two cores need.

@@ -25,11 +25,10 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.model.fit import Crew
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import HANGS, Hang
 from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake

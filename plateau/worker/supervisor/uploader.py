@@ -18,8 +18,8 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import Hang
+from plateau.farm.process.waits import Backoff
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film
 

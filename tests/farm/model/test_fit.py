@@ -14,7 +14,7 @@ from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
 from tests.farm.ledger.test_workers import about as described

@@ -11,7 +11,7 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
 

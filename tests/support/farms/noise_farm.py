@@ -27,7 +27,7 @@ from plateau.farm.model.slices.rounds import slice_zones
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.service.monitor.monitor import Monitor
 from plateau.worker.renderers.analytic.picture import Picture
 from tests.support.until import until

@@ -27,9 +27,9 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import Pair
+from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
-from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 from tests.support.farms.receiver import SECRET

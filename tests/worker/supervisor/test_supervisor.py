@@ -31,7 +31,7 @@ from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.kinds import Kinds

@@ -19,9 +19,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import TryEnd

@@ -18,9 +18,8 @@ from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.noise_model import NoiseModel, noise_model
 from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
-from plateau.picture.arrays import packed
 from plateau.picture.checkpoints import unpacked_sums
-from plateau.picture.denoised import DenoisingTask
+from plateau.picture.denoised import DenoisingTask, packed
 from plateau.picture.denoising.child import Denoiser
 
 

@@ -15,8 +15,8 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.helper import HelperProcess, write_part
 from plateau.metric.cvvdp import mirrored
-from plateau.picture.arrays import unpacked
 from plateau.picture.checkpoints import stored_sums
+from plateau.picture.denoised import unpacked
 from plateau.picture.denoising.process import PIXEL_S
 from plateau.service.monitor.shots import child
 

@@ -1,7 +1,8 @@
-"""The order to stop, which also ends a wait on sockets."""
+"""Waits: until the order to stop, which also ends one on sockets, and between two tries."""
 
 import math
 import os
+import random
 import select
 import threading
 import weakref
@@ -41,3 +42,25 @@ def await_any(*readable: Readable, timeout_s: float | None = None) -> None:
     for one in readable:
         poll.register(one, select.POLLIN)
     poll.poll(None if timeout_s is None else math.ceil(max(0.0, timeout_s) * 1000))
+
+
+class Backoff:
+    """Delays between tries while a service is away, that double from `first_s` up to `longest_s`.
+
+    A jitter of half spreads each delay, so that a farm's processes do not retry at once.
+    """
+
+    def __init__(self, first_s: float, longest_s: float) -> None:
+        self._first_s = first_s
+        self._longest_s = longest_s
+        self._next_s = first_s
+
+    def delay_s(self) -> float:
+        """The next delay in seconds; the one after it is twice as long."""
+        delay_s = self._next_s * random.uniform(0.5, 1.5)
+        self._next_s = min(2 * self._next_s, self._longest_s)
+        return delay_s
+
+    def reset(self) -> None:
+        """Begin again with the first delay, after a success."""
+        self._next_s = self._first_s
