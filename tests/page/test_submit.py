@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
