@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.ledger.totals import Demand
 from plateau.scale.report import Report
 from plateau.scale.tasks import Look, Plan, Task, TaskState
