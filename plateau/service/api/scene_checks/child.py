@@ -48,7 +48,7 @@ def main() -> None:
 
 def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
     """Check the upload with each set of values until the time is up, but with at least one."""
-    cpu_s, turn_s = question["cpu_s"], question["turn_s"]
+    cpu_s, slot_s = question["cpu_s"], question["slot_s"]
     used_s = time.process_time()
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(used_s + cpu_s), hard))
@@ -60,7 +60,7 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
             if not sizes:
                 answer["summary"] = asdict(summary)
             sizes.append((summary.width, summary.height))
-            if time.process_time() - used_s > turn_s:
+            if time.process_time() - used_s > slot_s:
                 break
     except BundleError as error:
         answer["error"] = error.to_tell()

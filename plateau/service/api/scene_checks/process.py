@@ -23,9 +23,9 @@ class CheckBudget:
     and 130 MB.
     """
 
-    cpu_s: float = 10.0  #: CPU time of one turn; the kernel counts whole seconds
-    turn_s: float = 1.0  #: CPU time after which a turn starts with no further set of values
-    deadline_s: float = 30.0  #: wall time of one turn, on a machine with other work
+    cpu_s: float = 10.0  #: CPU time of one slot; the kernel counts whole seconds
+    slot_s: float = 1.0  #: CPU time after which a slot starts with no further set of values
+    deadline_s: float = 30.0  #: wall time of one slot, on a machine with other work
     memory_bytes: int = 256 * 2**20  #: memory that the process writes to
 
 
@@ -71,7 +71,7 @@ class CheckProcess:
         limits: BundleLimits,
         given_up: threading.Event,
     ) -> dict[str, Any]:
-        """Have the process check the file with as many sets of values as a turn allows.
+        """Have the process check the file with as many sets of values as a slot allows.
 
         To give the check up, set the event and then kill the process.
 
@@ -89,7 +89,7 @@ class CheckProcess:
             "asked": [(dict(values), sensor) for values, sensor in asked],
             "limits": asdict(limits),
             "cpu_s": self._budget.cpu_s,
-            "turn_s": self._budget.turn_s,
+            "slot_s": self._budget.slot_s,
         }
         text = json.dumps(question).encode()
         try:
