@@ -20,7 +20,7 @@ from plateau.farm.images.png import encode_png
 from plateau.picture.diff import compare_files, share
 from tests.support.images.plain_exr import encode_image
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 GOLDENS = ROOT / "tests" / "reference" / "goldens"
 ROWS = json.loads((GOLDENS / "counts.json").read_text())
 RNG = np.random.default_rng(11)
