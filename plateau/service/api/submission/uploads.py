@@ -31,13 +31,12 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts, parts_of
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
-from plateau.service.api.problems.problem import CLIENT_GONE, Problem
+from plateau.service.api.problems.problem import Problem
 from plateau.service.api.problems.spec_checks import (
     check_film_sizes,
     check_seeds,
-    invalid_field,
     with_notice,
 )
 from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
@@ -59,7 +58,6 @@ _SUFFIX: Final = re.compile(r"\.(zip|xml|json)$", re.IGNORECASE)
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
 #: CPU time of all checks: one may take a second, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
-_BUSY_S: Final = 2
 _CHUNK_BYTES: Final = 1 << 20
 
 
@@ -78,11 +76,7 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
     """Yield the request's parts, which stay on disk until the route is done."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type and media_type != "multipart/form-data":
-        raise Problem(
-            problems.NOT_MULTIPART,
-            f"the body is {media_type}; send multipart/form-data with the parts scene and spec, as "
-            "curl -F scene=@scene.zip -F 'spec={}' does",
-        )
+        raise Problem(problems.NOT_MULTIPART, media_type=media_type)
     try:
         async with request.form(
             max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
@@ -91,19 +85,13 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
             farm = parts_of(request)
             yield replace(asked, spec=with_notice(asked.spec, farm.receivers, farm.targets))
     except OSError as error:
-        raise Problem(
-            problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"
-        ) from error
+        raise Problem(problems.UPLOAD_NOT_KEPT, error=error.strerror) from error
 
 
 async def _submission(form: FormData, key: str) -> Submission:
     unknown = sorted(set(form) - _FIELDS)
     if unknown:
-        message = (
-            f"there is no part {unknown[0]!r}; the parts are scene, scene_path, scene_sha256 and "
-            "spec"
-        )
-        raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
+        raise Problem(problems.UNKNOWN_PART, part=unknown[0])
     part = form.get("spec")
     text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
     wanted = submitted_spec(text or b"{}")
@@ -139,13 +127,9 @@ async def stored_scene(
             with await run_in_threadpool(opened, asked.scene, farm) as file:
                 return await _checked_and_stored(turn, file, asked, farm, who)
     except (TooManyChecks, CheckEnded) as error:
-        raise Problem(
-            problems.BUSY,
-            f"many scenes are being checked already; try again in {_BUSY_S} s",
-            headers={"Retry-After": str(_BUSY_S)},
-        ) from error
+        raise Problem(problems.BUSY) from error
     except Gone:
-        raise HTTPException(CLIENT_GONE) from None
+        raise HTTPException(problems.CLIENT_GONE) from None
 
 
 async def _checked_and_stored(
@@ -153,19 +137,11 @@ async def _checked_and_stored(
 ) -> StoredScene:
     sha256 = await run_in_threadpool(_sha256, file)
     if isinstance(asked.scene, str) and sha256 != asked.scene:
-        raise Problem(
-            problems.UNKNOWN_SCENE,
-            f"the copy of scene {asked.scene} that is stored here is damaged; remove the blob "
-            f"{blob_names.scene(asked.scene)} and send the file itself as the part scene",
-        )
+        blob = blob_names.scene(asked.scene)
+        raise Problem(problems.DAMAGED_SCENE, sha256=asked.scene, blob=blob)
     summary = await _checked(turn, file, asked.spec)
     if summary.roots and isinstance(asked.scene, UploadFile):
-        raise Problem(
-            problems.BROKEN_SCENE,
-            f"the upload has a {LIST_NAME}, which the service alone makes; name a scene in a scene "
-            "root as the part scene_path",
-            code="entry-name",
-        )
+        raise Problem(problems.MADE_UP_LIST, name=LIST_NAME, code="entry-name")
     store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
     return await run_in_threadpool(store)
 
@@ -206,9 +182,8 @@ def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> Non
     if stored + size > most:
         raise Problem(
             problems.TOO_MANY_SCENES,
-            f"the key {who.name!r} has stored {stored:,} bytes of scenes and may store {most:,}; "
-            f"this one has {size:,}; ask who runs the service to remove unused ones (`plateau gc "
-            "--scenes-unused-for DAYS`)",
+            key=who.name,
+            size=size,
             stored_bytes=stored,
             limit_bytes=most,
         )
@@ -225,8 +200,7 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     variant = variant_for(asked.spec.variant, scene.summary.renderer)
     needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
     if len(needs) > MOST_TAGS:
-        message = f"has {len(needs)} tags, with those of the scene's roots; {MOST_TAGS} are allowed"
-        raise invalid_field(problems.INVALID_SPEC, "spec.requires", message)
+        raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
         [
@@ -273,7 +247,7 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         try:
             variant = variant_for(spec.variant, found.summary.renderer)
         except ValueError as error:
-            raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
+            raise Problem(problems.FOREIGN_VARIANT, error=error) from error
     fields = iter(entries)
     for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
         one = entry.model_copy(update={"variant": variant})
@@ -282,11 +256,8 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
     if found.error is not None:
         raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
-        message = (
-            f"with {next(fields).rpartition('.')[2]} entries the scene took {_MOST_CHECKING_S:g} s "
-            "to check; send fewer at once, each time with the same batch"
-        )
-        raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
+        entries_checked = next(fields).rpartition(".")[2]
+        raise Problem(problems.SLOW_TO_CHECK, entries=entries_checked, seconds=_MOST_CHECKING_S)
     assert found.summary is not None  # a spec has at least one entry
     return found.summary
 
