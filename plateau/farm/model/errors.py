@@ -129,7 +129,7 @@ class TooManyJobs(FarmError):
             f"the key has {open_jobs:,} jobs that have not ended, and may have {most:,}"
         )
         self.open_jobs = open_jobs
-        self.most = most
+        self.limit = most
 
 
 class TooManyNeeds(FarmError):
