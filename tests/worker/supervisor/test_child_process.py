@@ -155,6 +155,7 @@ def test_what_mitsuba_says_of_a_file_is_told_with_its_name(tmp_path: Path) -> No
     start = '<integrator type="path"/>'
     for name, xml in {
         "warns.xml": scene(start, sky),
+        "black.xml": scene(start),
         "odd.xml": scene(start, f'<shape type="rectangle">{image}</shape>'),
         "dies.xml": scene(start, mesh("m/a.ply")),
     }.items():
@@ -167,6 +168,11 @@ def test_what_mitsuba_says_of_a_file_is_told_with_its_name(tmp_path: Path) -> No
     loaded = child.load(tmp_path, "warns.xml", {}, 0)
     assert any("Mitsuba warns: The sun is below the horizon" in one for one in loaded.notes)
     assert "DEBUG" not in child.take_words()
+    child.load(tmp_path, "black.xml", {}, 0)
+    child.render((Pass(1, 0),))
+    assert child.notes == (
+        "the image is black, since no light arrived: the scene has no emitter; add one",
+    )
     with pytest.raises(SceneError, match=r"Unknown file format.* \(odd\)$"):
         child.load(tmp_path, "odd.xml", {}, 0)
     with pytest.raises(ChildDied, match=r"SIGSEGV while loading the scene: .*the file a\.ply$"):
