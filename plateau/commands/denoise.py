@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plateau.errors import CommandFailed
+from plateau.farm.images.crops import CROP
 from plateau.farm.images.exr import (
     Pixels,
     decode_header,
@@ -54,6 +55,8 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     if len(sizes) > 1:
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
+    if len({one.place.get(CROP) for one in read}) > 1:
+        raise CommandFailed("the images are crops of different parts of a film")
     independence = Independence()
     for path, one in zip(images, read, strict=True):
         independence.add(str(path), one.colour, one.job)
@@ -67,7 +70,7 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
-    _write(out, found, mean)
+    _write(out, found, mean, read[0].place)
     left = _noise_left(found, shown)
     if as_json:
         about = {"denoiser": found.denoiser, "guides": bool(guides)}
@@ -87,6 +90,7 @@ class _Image(NamedTuple):
     colour: Pixels
     layers: dict[str, Pixels]
     job: str | None  #: of Plateau's, where one made it
+    place: dict[str, Any]  #: of a crop, in its film
 
 
 def _mean(images: Sequence[_Image]) -> Half:
@@ -101,16 +105,19 @@ def _read(path: Path) -> _Image:
         content = path.read_bytes()
         # OpenEXR prints its warnings, where scripts expect an answer.
         with contextlib.redirect_stdout(io.StringIO()):
-            job = decode_header(content).get("plateau:job")
-            return _Image(decode_image(content), decode_layers(content), job)
+            header = decode_header(content)
+            place = {CROP: header[CROP]} if CROP in header else {}
+            job = header.get("plateau:job")
+            return _Image(decode_image(content), decode_layers(content), job, place)
     except OSError as error:
         raise CommandFailed(f"{path}: {error.strerror or error}") from error
     except ValueError as error:
         raise CommandFailed(f"{path}: {' '.join(str(error).split())}") from error
 
 
-def _write(out: Path, found: Denoised, mean: Pixels) -> None:
-    content = encode_layers(layers_of(found.blend, mean), {"plateau:denoiser": found.denoiser})
+def _write(out: Path, found: Denoised, mean: Pixels, place: dict[str, Any]) -> None:
+    about = {"plateau:denoiser": found.denoiser, **place}
+    content = encode_layers(layers_of(found.blend, mean), about)
     try:
         out.write_bytes(content)
     except OSError as error:

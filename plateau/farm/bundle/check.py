@@ -51,6 +51,8 @@ class SceneSummary:
     height: int | None
     #: number of sensors
     sensors: int
+    #: whether only variants that leave whole films to the renderer can render it
+    is_whole: bool = False
     #: the scene's parameters with their defaults
     parameters: dict[str, str] = field(default_factory=dict)
     #: the scene roots in which it has files

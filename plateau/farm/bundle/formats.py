@@ -31,6 +31,7 @@ class Checked:
     height: int | None
     sensors: int
     parameters: dict[str, str]
+    is_whole: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +80,7 @@ def _check_mitsuba(
         height=height,
         sensors=len(scene.cast.sensors),
         parameters=scene.parameters.defaults,
+        is_whole=scene.is_whole,
     )
 
 

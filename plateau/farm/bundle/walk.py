@@ -34,6 +34,7 @@ from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, p
 from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
+_WHOLE = "stokes"
 #: Elements that stand for a plugin.
 _OBJECTS = frozenset(
     [
@@ -50,6 +51,8 @@ class Scene:
     parameters: Parameters
     references: References
     cast: Cast = field(default_factory=Cast)
+    #: whether its integrator renders whole films alone, as Mitsuba's scalar variants do
+    is_whole: bool = False
 
 
 def read_scene(
@@ -189,6 +192,8 @@ class _File:
             self._is_old = self._walk.old.is_old(attributes.get("version", ""))
         if not self._is_old or not self._walk.old.meet(tag, attributes, self.name, line):
             self._check_plugin(tag, attributes, line)
+        if attributes.get("type") == _WHOLE and tag == "integrator":
+            self._walk.scene.is_whole = True
         if self._is_old:
             self._unturned = line if tag == "emitter" else self._unturned * (tag != "transform")
         holder = self._open[-1]

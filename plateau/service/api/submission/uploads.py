@@ -222,8 +222,9 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     source = sha256 if asked.again is None else asked.again.of
     digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
-    variant = variant_for(asked.spec.variant, scene.summary.renderer)
-    needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
+    summary = scene.summary
+    variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
+    needs = {*asked.spec.requires, *map(root_tag, summary.roots)}
     if len(needs) > MOST_TAGS:
         message = f"has {len(needs)} tags, with those of the scene's roots; {MOST_TAGS} are allowed"
         raise invalid_field(problems.INVALID_SPEC, "spec.requires", message)
@@ -271,7 +272,8 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         check_film_sizes(found.sizes, list(entries))
     if found.summary is not None:
         try:
-            variant = variant_for(spec.variant, found.summary.renderer)
+            summary = found.summary
+            variant = variant_for(spec.variant, summary.renderer, is_whole=summary.is_whole)
         except ValueError as error:
             raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
     fields = iter(entries)
