@@ -19,7 +19,6 @@ from plateau.farm.images.exr import (
     encode_layers,
 )
 from plateau.farm.wire import figures
-from plateau.files.independence import Independence
 from plateau.metric import (
     Evidence,
     Half,
@@ -30,9 +29,10 @@ from plateau.metric import (
     allowed_pixels,
     non_finite_pixels,
 )
-from plateau.service.judging.denoised import Denoised, DenoisingTask, guides_in, layers_of
-from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.child import Denoiser
+from plateau.picture.denoised import Denoised, DenoisingTask, guides_in, layers_of
+from plateau.picture.denoising import oidn
+from plateau.picture.denoising.child import Denoiser
+from plateau.picture.independence import Independence
 
 
 def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from plateau.exit_codes import ExitCode
-from plateau.files.image_diff import CannotCompare, compare_files
 from plateau.metric import View
 from plateau.metric.display import SeenFrom
+from plateau.picture.diff import CannotCompare, compare_files
 
 
 def diff(

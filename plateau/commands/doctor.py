@@ -19,8 +19,8 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.redis.embedded import find_redis_server
 from plateau.farm.redis.health import examine
 from plateau.farm.redis.url import without_password
+from plateau.picture.denoising import oidn
 from plateau.processes.read_settings import farm_settings
-from plateau.service.monitor.denoising import oidn
 from plateau.worker.confinement.confine import try_here
 from plateau.worker.renderers.program import command, release
 from plateau.worker.supervisor.variants import VariantChoice, choose, is_here, probe

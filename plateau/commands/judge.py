@@ -9,9 +9,9 @@ from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.curve_svg import curve_svg
 from plateau.farm.wire.report import STYLE
-from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.files.job_folder import owner
 from plateau.files.out_folder import make
+from plateau.picture.series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 
 
 def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as_json: bool) -> int:

@@ -3,9 +3,9 @@
 import json
 
 from plateau.errors import CommandFailed
-from plateau.farm.process.notify_targets import read_targets
 from plateau.processes.read_settings import read_settings
 from plateau.service.monitor.notifier.notes import Note, NotNotified, send
+from plateau.service.notices.targets import read_targets
 
 _TEST = Note("Plateau: a test", "This target is notified when jobs end that name it.")
 

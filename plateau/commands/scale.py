@@ -11,7 +11,6 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.pairing import check_pair, farm_id
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.ledger.workers import Workers
@@ -63,7 +62,7 @@ def slurm(
                 check_schema(client)
                 check_pair(client, Blobs(settings.blobs or ""))
             scaler = Scaler(
-                jobs=Jobs(client),
+                client=client,
                 workers=Workers(client),
                 slurm=Slurm(
                     name=name,
@@ -90,7 +89,7 @@ def slurm(
 
 
 def _environment(limits: Limits, settings: Settings) -> dict[str, str]:
-    """Variables of the workers beside those of this process."""
+    """Variables of the workers besides those of this process."""
     environment = {"PLATEAU_PYTHON": os.environ.get("PLATEAU_PYTHON", sys.executable)}
     if limits.least == 0 and settings.leave_after_s is None:
         environment["PLATEAU_LEAVE_AFTER_S"] = f"{_LEAVE_AFTER_S:g}"

@@ -9,10 +9,9 @@ from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import ExitCode
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.addresses import is_loopback
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
-from plateau.farm.redis.url import without_password
+from plateau.farm.redis.url import is_loopback, without_password
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.process import run_until_signal, when_checked

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
-from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.archive import Archive, zip_entry
 from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.entry import find_entry
 from plateau.farm.bundle.formats import (
@@ -33,7 +33,6 @@ from plateau.farm.bundle.formats import (
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, Kind, Parts
 from plateau.farm.bundle.walk import read_scene
-from plateau.farm.bundle.zip_entries import zip_entry
 
 _ZIP = "application/zip"
 #: Files that are already compressed are not deflated.

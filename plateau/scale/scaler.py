@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
-from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import StoreUnavailable, WorkerNotFound
 from plateau.farm.model.worker import Worker
+from plateau.farm.redis.client import RedisClient
 from plateau.scale.policy import Policy
 from plateau.scale.report import Report
 from plateau.scale.slurm import Slurm, SlurmFailed, label
@@ -22,7 +23,7 @@ _LOG = logging.getLogger(__name__)
 class Scaler:
     """Submits and ends workers in Slurm as the queue needs them."""
 
-    jobs: Jobs
+    client: RedisClient
     workers: Workers
     slurm: Slurm
     policy: Policy
@@ -74,13 +75,13 @@ class Scaler:
     def _look(self) -> Look:
         tasks = self.slurm.tasks()
         # Of two workers with one label the newer counts: Slurm has restarted the task.
-        living = sorted(self.jobs.workers(), key=lambda worker: worker.started_at)
+        living = sorted(self.workers.living(), key=lambda worker: worker.started_at)
         by_label = {worker.label: worker for worker in living}
         ours = {task.id: by_label[label(task.id)] for task in tasks if label(task.id) in by_label}
         self._labels |= {label(task.id) for task in tasks}
         for worker in ours.values():
             self._variants.update(worker.variants)
-        census = self.jobs.census(from_priority=self.from_priority)
+        census = take_census(self.client, from_priority=self.from_priority)
         return Look(
             now_s=time.monotonic(),
             demand=census.demand_for(self._variants, pool=self.pool, tags=self.tags),

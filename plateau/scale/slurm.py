@@ -55,7 +55,7 @@ class Slurm:
     farm: str  #: the farm's id
     script: Path  #: the batch script
     options: Sequence[str]  #: of sbatch
-    environment: Mapping[str, str]  #: the workers' variables beside those of this process
+    environment: Mapping[str, str]  #: the workers' variables besides those of this process
 
     @property
     def _comment(self) -> str:

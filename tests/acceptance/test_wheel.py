@@ -54,9 +54,9 @@ BRINGS = {
         "commands.gc",
         "commands.keys",
     ),
-    "images": ("farm.images", "files.image_diff"),
+    "images": ("farm.images", "picture.diff"),
     "api": ("service.api", "commands.serve"),
-    "monitor": ("service.judging", "service.monitor", "metric", "files.image_series"),
+    "monitor": ("picture", "service.monitor", "metric"),
     "worker": ("worker", "commands.doctor"),
 }
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, BinaryIO
 
+from plateau.farm.bundle.archive import zip_entry
 from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.farm.bundle.hashes import Content, FileHashes
@@ -20,7 +21,6 @@ from plateau.farm.bundle.placed import LIST_NAME, Placed, with_names
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.tree import EscapeError, Kind, Parts, leaves_upwards, parts_below
 from plateau.farm.bundle.walk import read_scene
-from plateau.farm.bundle.zip_entries import zip_entry
 from plateau.farm.model.scene_roots import SceneRoot, named_path
 
 

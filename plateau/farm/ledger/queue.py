@@ -15,8 +15,8 @@ from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
+from plateau.farm.redis.commands.members import Heartbeat, LeaseName, Leave
 from plateau.farm.redis.commands.slices import Commit, Died, Fail, Glimpse, HandBack, Offer
-from plateau.farm.redis.commands.workers import Heartbeat, LeaseName, Leave
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 

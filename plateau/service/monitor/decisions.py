@@ -143,7 +143,7 @@ OPEN: Final = (
         Wait(),
     ),
     Row(
-        "a look has let it end, whose sums alone were kept meanwhile",
+        "a look allows its end, and so far only its sums were stored",
         lambda known: known.would_end and known.may_end and known.is_to_be_denoised,
         DenoiseImage(),
     ),

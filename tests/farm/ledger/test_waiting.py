@@ -17,7 +17,7 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands import slices as commands
 from plateau.farm.redis.commands.jobs import End, Pause, Reprioritise, Resume

@@ -19,11 +19,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import TryEnd
@@ -38,6 +35,8 @@ from plateau.service.monitor.notifier.requests import (
     Requests,
     signed_headers,
 )
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import read_targets
 
 _LOG = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 import httpcore
 
 from plateau.farm.model.spec.notice import SECRET_PREFIX
-from plateau.farm.process.addresses import ReceiverRefused, Receivers
+from plateau.service.notices.receivers import ReceiverRefused, Receivers
 
 CONNECT_S: Final = 5.0
 TOTAL_S: Final = 15.0

@@ -13,8 +13,8 @@ import pytest
 import trustme
 from standardwebhooks import Webhook, WebhookVerificationError
 
-from plateau.farm.process.addresses import Receivers
 from plateau.service.monitor.notifier.requests import NoAnswer, Requests, signed_headers
+from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Answer, receiving
 
 BODY = b'{"type": "job.converged"}'
