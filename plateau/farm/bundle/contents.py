@@ -5,6 +5,7 @@ What it refuses by itself, and says so with the file's name, is left to it.
 """
 
 import os
+import re
 import struct
 import warnings
 import zlib
@@ -29,24 +30,14 @@ _MOST_CHANNELS: Final = 1024
 _ROWS: Final = 2**18  #: that are read at once
 _SERIALIZED: Final = 0x041C
 
-_TYPES: Final = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float": "f4",
-    "float32": "f4",
-    "double": "f8",
-    "float64": "f8",
-}
+#: The types of PLY files, as numpy has them.
+_TYPES: Final = dict(
+    re.findall(
+        r"(\w+)=(\w+)",
+        "char=i1 uchar=u1 short=i2 ushort=u2 int=i4 uint=u4 int8=i1 uint8=u1 int16=i2 uint16=u2 "
+        "int32=i4 uint32=u4 float=f4 float32=f4 double=f8 float64=f8",
+    )
+)
 _CORNERS: Final = ("vertex_index", "vertex_indices")
 
 #: Begins the image files that Mitsuba reads and this module does not.
@@ -82,8 +73,13 @@ def check_contents(archive: Archive, references: Iterable[Reference]) -> None:
             beginning = stream.read(BEGINNING_BYTES)
             stream.seek(0)
             problem = _not_at_all(what_it_is(beginning), one.plugin)
-            if problem is None and one.plugin in _PROBLEM_OF:
-                problem = _PROBLEM_OF[one.plugin](stream, size)
+            try:
+                if problem is None and one.plugin in _PROBLEM_OF:
+                    problem = _PROBLEM_OF[one.plugin](stream, size)
+            except BundleError:
+                raise
+            except (LookupError, ValueError, struct.error, zlib.error):
+                pass  # it is damaged otherwise, and Mitsuba will say how
         if problem:
             raise BundleError(
                 "unreadable-file", f"{shown(one.text)} {problem}", file=one.file, line=one.line
@@ -103,11 +99,7 @@ def _not_at_all(what: str | None, plugin: str) -> str | None:
 
 
 def _of_ply(stream: IO[bytes], size: int) -> str | None:
-    try:
-        order, elements = _ply_header(stream)
-        *before, (_, count, fields) = elements
-    except (KeyError, ValueError):
-        return None
+    order, (*before, (_, count, fields)) = _ply_header(stream)
     lists = [at for at, (_, *kinds) in enumerate(fields) if len(kinds) > 1]
     others = [kinds for _, _, each in before for _, *kinds in each]
     if (
@@ -157,7 +149,7 @@ def _ply_header(stream: IO[bytes]) -> tuple[str, list[tuple[str, int, list[list[
     Each element has a name, a count, and for each field its name and its type, or two for a list.
     """
     order, elements = "", list[tuple[str, int, list[list[str]]]]()
-    for line in iter(lambda: stream.readline(_MOST_LINE), b""):
+    for line in islice(iter(lambda: stream.readline(_MOST_LINE), b""), _MOST_LINE):
         match line.decode("latin-1").split():
             case ["format", kind, *_]:
                 order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[kind]
@@ -204,14 +196,11 @@ def _text_faces(stream: IO[bytes], ahead: int, count: int, columns: int, at: int
 def _of_serialized(stream: IO[bytes], size: int) -> str | None:
     """Check the meshes of a file in Mitsuba 0.6's format, each of which is compressed by zlib."""
     data = stream.read(_MOST_AT_ONCE) if size <= _MOST_AT_ONCE else b""
-    try:
-        magic, version, shapes = *struct.unpack_from("<HH", data), *struct.unpack("<I", data[-4:])
-        table = f"<{shapes}{'Q' if version > 3 else 'I'}"
-        starts = struct.unpack(table, data[-4 - struct.calcsize(table) : -4])
-        meshes = [_inflated(data[start + 4 :]) for start in starts[:_MOST_SHAPES]]
-    except (struct.error, zlib.error):
-        return None
-    for mesh in meshes if magic == _SERIALIZED else ():
+    magic, version, shapes = *struct.unpack_from("<HH", data), *struct.unpack("<I", data[-4:])
+    table = f"<{min(shapes, len(data))}{'Q' if version > 3 else 'I'}"
+    starts = struct.unpack(table, data[-4 - struct.calcsize(table) : -4])
+    for start in starts[:_MOST_SHAPES] if magic == _SERIALIZED else ():
+        mesh = zlib.decompressobj().decompress(data[start + 4 :], 4 * _MOST_AT_ONCE)
         (flags,) = struct.unpack_from("<I", mesh)
         at = mesh.index(b"\0", 4) + 1 if version > 3 else 4
         vertices, faces = struct.unpack_from("<QQ", mesh, at)
@@ -221,10 +210,6 @@ def _of_serialized(stream: IO[bytes], size: int) -> str | None:
         if problem := _of_indices(indices[: indices.size // 3 * 3].reshape(-1, 3), vertices, 0):
             return problem
     return None
-
-
-def _inflated(data: bytes) -> bytes:
-    return zlib.decompressobj().decompress(data, 4 * _MOST_AT_ONCE)
 
 
 def _of_image(stream: IO[bytes], size: int) -> str | None:  # noqa: ARG001 - as of meshes
@@ -238,6 +223,7 @@ def _of_image(stream: IO[bytes], size: int) -> str | None:  # noqa: ARG001 - as 
 
 
 def _of_png(stream: IO[bytes]) -> str | None:
+    stream.seek(8)
     while len(head := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", head)
         if kind == b"IEND":
@@ -291,7 +277,7 @@ def _text(stream: IO[bytes]) -> str:
 
 
 _OF_IMAGES: Final = (
-    (b"\x89PNG\r\n\x1a\n", _of_png),
+    (b"\x89PNG", _of_png),
     (b"\xff\xd8", _of_jpeg),
     (b"\x76\x2f\x31\x01", _of_exr),
 )

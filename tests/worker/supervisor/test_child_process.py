@@ -160,7 +160,7 @@ def test_what_mitsuba_says_of_a_file_is_told_with_its_name(tmp_path: Path) -> No
         "dies.xml": scene(start, mesh("m/a.ply")),
     }.items():
         (tmp_path / name).write_bytes(xml)
-    (tmp_path / "odd").write_bytes(b"of no kind")
+    (tmp_path / "odd").write_bytes(b"of no kind" * 9)
     (tmp_path / "m").mkdir()
     (tmp_path / "m" / "a.ply").write_bytes(PLY.replace(b"3 0 1 2", b"3 0 1 2000000000"))
     child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [tmp_path])

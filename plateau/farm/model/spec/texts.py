@@ -84,7 +84,7 @@ class _Text:
         if handler.mode == "serialization":
             return found
         text = {"type": "string", "description": f"as text: {self.form}"}
-        several = [{"type": "array", "items": {"type": "string"}}] if self.is_several else []
+        several = [{**text, "type": "array", "items": {"type": "string"}}] * self.is_several
         return {"anyOf": [*found.pop("anyOf", [found]), text, *several]}
 
 

@@ -123,6 +123,7 @@ def _adapt_film(variant: str, properties: Any) -> Iterable[str]:
             yield f"the film's {name} was changed from '{theirs}' to '{ours}': {why}"
         properties[name] = ours
     if properties.has_property("compensate"):
+        properties.remove_property("compensate")
         yield "the film's compensate was ignored: Mitsuba no longer has this setting"
     if properties.has_property("sample_border"):
         if properties["sample_border"]:
