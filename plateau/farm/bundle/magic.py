@@ -56,7 +56,8 @@ def what_it_is(beginning: bytes) -> str | None:
             "a Mitsuba XML" if inner.startswith(b"<") else (inner and what_it_is(inner)) or "a file"
         )
         return f"{what.partition(';')[0]} compressed by gzip; unpack it first"
-    if beginning.lstrip()[:14].lower().startswith((b"<!doctype html", b"<html")):
+    text = beginning.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    if text.startswith(b"<") and (b"<html" in text or text.startswith(b"<!doctype html")):
         return "a web page, perhaps the error of a download; download it again"
     found = (what for at, magic, what in _MAGIC if beginning[at:].startswith(magic))
     return next(found, None) or (None if beginning else "empty")

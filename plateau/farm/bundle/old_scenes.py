@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from typing import Final
 
 from plateau.farm.bundle.limits import BundleError, shown
+from plateau.farm.bundle.plugins import WAS
 
 _MOST_LISTED: Final = 12
 _OLD: Final = re.compile(r"\s*[01]\.")
@@ -25,36 +26,6 @@ _TAGS: Final = {
     "subsurface": "use a <medium> and the integrator volpath",
     "animation": "use one <transform>",
 }
-#: The plugins that went, by what to use.
-_INSTEAD: Final = {
-    "hdrfilm": ("ldrfilm", "mfilm", "tiledhdrfilm"),
-    "independent": ("halton", "hammersley", "sobol"),
-    "path": (
-        "adaptive",
-        "bdpt",
-        "erpt",
-        "irrcache",
-        "mlt",
-        "photonmapper",
-        "ppm",
-        "pssmlt",
-        "sppm",
-    ),
-    "volpath": ("volpath_simple", "dipole", "singlescatter"),
-    "aov": ("field", "multichannel"),
-    "roughplastic or principled": ("phong", "ward", "coating", "roughcoating", "irawan"),
-    "blendbsdf": ("mixturebsdf",),
-    "diffuse": ("roughdiffuse", "difftrans"),
-    "sunsky": ("sky", "sun"),
-    "directionalarea": ("collimated",),
-    "perspective": ("perspective_rdist", "spherical", "telecentric"),
-    "checkerboard": ("gridtexture",),
-    "mesh_attribute": ("vertexcolors",),
-    "a mesh": ("heightfield", "deformable"),
-    "gridvolume": ("hgridvolume",),
-    "sggx": ("kkay", "microflake"),
-}
-_PLUGINS: Final = {old: f"use {new}" for new, gone in _INSTEAD.items() for old in gone}
 #: Properties that Mitsuba 3 refuses.
 _GONE: Final = (
     *("attachlog", "burn", "exposure", "gamma", "highqualityedges", "key", "strictnormals"),
@@ -84,8 +55,9 @@ class OldScene:
         value = attributes.get("value", "")
         if tag in _TAGS:
             what, to_do = f"<{tag}>", _TAGS[tag]
-        elif plugin not in self._plugins and (plugin in _PLUGINS or (plugin and self._plugins)):
-            what, to_do = shown(plugin), _PLUGINS.get(plugin, "Mitsuba 3 has no such plugin")
+        elif plugin not in self._plugins and (plugin in WAS or (plugin and self._plugins)):
+            use = f"use {WAS[plugin]}" if plugin in WAS else "Mitsuba 3 has no such plugin"
+            what, to_do = shown(plugin), use
         elif tag == "spectrum" and ":" not in value and len(re.split(r"[\s,]+", value.strip())) > 1:
             what, to_do = "<spectrum> with three numbers", "write <rgb>"
         elif tag == "spectrum" and {"intent", "temperature"} & attributes.keys():

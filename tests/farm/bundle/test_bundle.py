@@ -214,7 +214,7 @@ OLD = b"""<scene version="0.6.0"><integrator type="path"><integer name="maxDepth
 <emitter type="sunsky"><transform name="toWorld"/></emitter><emitter type="sunsky"/></scene>"""
 OLD_LISTED = (
     "Mitsuba '0.6.0'.*Change: line 2, <lookAt>: write <lookat>; line 3, 'ldrfilm': use hdrfilm; "
-    "line 3, 'toneMappingMethod': delete it; line 4, 'ward': use roughplastic or principled; "
+    "line 3, 'toneMappingMethod': delete it; line 4, 'ward': use principled; "
     "line 4, <spectrum> with three numbers: write <rgb>; line 6, sunsky: put <rotate.*y$"
 )
 
