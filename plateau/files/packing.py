@@ -31,7 +31,7 @@ from plateau.farm.bundle.formats import (
     with_suffix,
 )
 from plateau.farm.bundle.references import Reference
-from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, Kind, Parts
+from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, EntryKind, Parts
 from plateau.farm.bundle.walk import read_scene
 
 _ZIP = "application/zip"
@@ -168,7 +168,7 @@ class _Disk:
     def path(self, parts: Parts) -> Path:
         return Path("/", *parts)
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         here = self.path(path)
         return "file" if here.is_file() else "folder" if here.is_dir() else None
 

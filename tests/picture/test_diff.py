@@ -15,7 +15,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import plateau.picture.diff
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.images.png import encode_png
 from plateau.picture.diff import compare_files, share
 from tests.support.images.plain_exr import encode_image

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from plateau.client import Client
-from plateau.commands.outputs import write_results
 from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.job import Job
 from plateau.farm.wire import job_text
 from plateau.metric import SAMPLES_PALETTE, samples_map
+from plateau.rendering.outputs import write_results
 from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm

@@ -3,7 +3,7 @@
 from hashlib import sha256
 from typing import IO
 
-from plateau.farm.process.helper import read_part, serve
+from plateau.farm.process.child import read_part, serve
 from plateau.metric import Image, blend_error, blended
 from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import oidn

@@ -4,7 +4,8 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
-from plateau.farm.process.helper import HelperProcess, write_part
+from plateau.farm.process.child import write_part
+from plateau.farm.process.helper import HelperProcess
 from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import child
 

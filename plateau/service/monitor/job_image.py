@@ -4,7 +4,7 @@ import logging
 from concurrent.futures import Future
 
 from plateau.farm.model.states import MAX_TRIES
-from plateau.farm.process.helper import NoAnswer
+from plateau.farm.process.child import NoAnswer
 from plateau.picture.denoised import Denoised, DenoisingTask
 from plateau.picture.denoising import oidn
 from plateau.picture.denoising.process import Denoising, TooLarge

@@ -27,7 +27,7 @@ from plateau.picture.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
 from plateau.service.monitor.job_image import JobImage
-from plateau.service.monitor.known import Answer, Known
+from plateau.service.monitor.known import Known, RuleAnswer
 from plateau.service.monitor.look_ahead import LookAhead, enough
 from plateau.service.monitor.result_sets import ResultSets
 
@@ -175,7 +175,7 @@ class JobRun:
         self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(
-            Answer(
+            RuleAnswer(
                 stop=verdict.stop,
                 reason=verdict.reason,
                 numbers=verdict.numbers,

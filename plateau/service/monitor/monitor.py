@@ -25,7 +25,8 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.model.fit import Crew
 from plateau.farm.process import log
-from plateau.farm.process.hang import HANGS, Hang
+from plateau.farm.process.child import HANGS
+from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Backoff, Stop

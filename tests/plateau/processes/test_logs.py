@@ -157,7 +157,7 @@ for parent in parents:
 def broken(*_, **__):
     raise RuntimeError("planted by a test")
 setattr(owner, name, broken)
-from plateau.cli import main
+from plateau.commands import main
 main()
 """
 

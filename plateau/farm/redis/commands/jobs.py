@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.model.states import EndedBy
-from plateau.farm.redis.commands.command import Answer, Command
+from plateau.farm.redis.commands.command import Command, Reply
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Made:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CreationCommand(Command[Answer]):
+class CreationCommand(Command[Reply]):
     """A command that creates jobs."""
 
     idempotency: str  #: key, or ""

@@ -7,19 +7,19 @@ from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.spec_checks import check_film_sizes, check_seeds, invalid_field
-from plateau.service.api.scene_checks.pool import Turn
+from plateau.service.api.scene_checks.pool import Slot
 from plateau.service.api.submission.scene_parts import broken_scene
 
 #: CPU time of all checks: one may take a second, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
 
 
-async def checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
+async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
     """Check the file with the values of each entry; returns the summary with the first ones."""
     entries = different(spec)
     asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
     try:
-        found = await turn.check(file, asked, total_s=_MOST_CHECKING_S)
+        found = await slot.check(file, asked, total_s=_MOST_CHECKING_S)
     except BundleError as error:
         raise broken_scene(error) from error
     if spec.shot is not None:

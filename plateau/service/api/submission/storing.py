@@ -20,7 +20,7 @@ from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
-from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
+from plateau.service.api.scene_checks.pool import Gone, Slot, TooManyChecks
 from plateau.service.api.scene_checks.process import CheckEnded
 from plateau.service.api.submission.checking import checked, different
 from plateau.service.api.submission.reading import Submission, submission
@@ -52,11 +52,11 @@ async def stored_scene(
         if isinstance(asked.scene, ScenePath):
             values = [one.parameter_strings() for one in different(asked.spec).values()]
             with await placed_file(asked.scene, values, request, farm) as file:
-                async with farm.checks.turn(request.is_disconnected) as turn:
-                    return await _checked_and_stored(turn, file, asked, farm, who)
-        async with farm.checks.turn(request.is_disconnected) as turn:
+                async with farm.checks.slot(request.is_disconnected) as slot:
+                    return await _checked_and_stored(slot, file, asked, farm, who)
+        async with farm.checks.slot(request.is_disconnected) as slot:
             with await run_in_threadpool(opened, asked.scene, farm) as file:
-                return await _checked_and_stored(turn, file, asked, farm, who)
+                return await _checked_and_stored(slot, file, asked, farm, who)
     except (TooManyChecks, CheckEnded) as error:
         raise Problem(
             problems.BUSY,
@@ -68,7 +68,7 @@ async def stored_scene(
 
 
 async def _checked_and_stored(
-    turn: Turn, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
+    slot: Slot, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
 ) -> StoredScene:
     sha256 = await run_in_threadpool(_sha256, file)
     if isinstance(asked.scene, str) and sha256 != asked.scene:
@@ -77,7 +77,7 @@ async def _checked_and_stored(
             f"the copy of scene {asked.scene} that is stored here is damaged; remove the blob "
             f"{blob_names.scene(asked.scene)} and send the file itself as the part scene",
         )
-    summary = await checked(turn, file, asked.spec)
+    summary = await checked(slot, file, asked.spec)
     if summary.roots and isinstance(asked.scene, UploadFile):
         raise Problem(
             problems.BROKEN_SCENE,

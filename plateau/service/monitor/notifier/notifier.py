@@ -30,9 +30,9 @@ from plateau.farm.wire.notice_views import message
 from plateau.service.monitor.notifier.notes import Notes, NotNotified
 from plateau.service.monitor.notifier.requests import (
     TOTAL_S,
-    Answer,
-    NoAnswer,
+    NoResponse,
     Requests,
+    Response,
     signed_headers,
 )
 from plateau.service.notices.receivers import Receivers
@@ -206,7 +206,7 @@ class Notifier:
         settled = self._settle(taken, end, error, delay_s)
         _report(taken, end, error, time.monotonic() - started, delay_s, settled=settled)
 
-    def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
+    def _tried(self, taken: Taken) -> tuple[Response | None, str]:
         """Send the notice; returns the answer, if any, and the error unless it was delivered."""
         try:
             if taken.url is None:
@@ -215,7 +215,7 @@ class Notifier:
             body = message(taken.job).model_dump_json().encode()
             headers = signed_headers(f"msg_{taken.job_id}", taken.now, body, taken.secret)
             answer = self._requests.post(taken.url, headers, body)
-        except (NoAnswer, NotNotified, ExtraMissing) as error:
+        except (NoResponse, NotNotified, ExtraMissing) as error:
             return None, str(error)
         except Exception as error:  # noqa: BLE001  (one notice must not hurt the others)
             _LOG.exception("a notice could not be sent")
@@ -246,7 +246,7 @@ class Notifier:
                     raise
 
 
-def _end_of(taken: Taken, answer: Answer | None, error: str) -> TryEnd:
+def _end_of(taken: Taken, answer: Response | None, error: str) -> TryEnd:
     if not error:
         return "delivered"
     if taken.tries >= MOST_TRIES or (answer is not None and answer.status == _GONE):

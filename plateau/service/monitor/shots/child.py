@@ -11,7 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from plateau.farm.model.spec import JobSpec, stored_spec
-from plateau.farm.process.helper import read_part, serve
+from plateau.farm.process.child import read_part, serve
 from plateau.metric import BlendError, View
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP

@@ -13,7 +13,8 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.helper import HelperProcess, write_part
+from plateau.farm.process.child import write_part
+from plateau.farm.process.helper import HelperProcess
 from plateau.metric.cvvdp import mirrored
 from plateau.picture.checkpoints import stored_sums
 from plateau.picture.denoised import unpacked

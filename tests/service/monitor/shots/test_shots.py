@@ -17,7 +17,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.shot import ShotLook
 from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.process.helper import NoAnswer
+from plateau.farm.process.child import NoAnswer
 from plateau.service.monitor.shots import process, tending
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, ramp

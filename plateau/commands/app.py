@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, TypeVar, cast
 import typer
 import typer.core
 
+from plateau.errors import EXPECTED, OtherVersion, needs, tell
 from plateau.exit_codes import ExitCode
 
 _HELP = """
@@ -87,7 +88,7 @@ class Command(typer.core.TyperCommand):
     def get_params(self, ctx: Any) -> Any:
         """The options; with --rule also those of the stopping rules."""
         if self._takes_rule and self._of_rules is None:
-            from plateau.cli import rule_options
+            from plateau.commands.options import rule_options
 
             self._of_rules = rule_options.add(self.params)
         return super().get_params(ctx)
@@ -109,7 +110,7 @@ class Command(typer.core.TyperCommand):
         """Run the command; an expected error is one line on standard error and an exit code."""
         try:
             if self._of_rules:
-                from plateau.cli import rule_options
+                from plateau.commands.options import rule_options
 
                 rule_options.fold(ctx.params, self._of_rules)
             result = self._run(ctx)
@@ -122,7 +123,6 @@ class Command(typer.core.TyperCommand):
         except typer.Exit:  # an exit code, not an error
             raise
         except Exception as error:
-            from plateau.errors import EXPECTED, OtherVersion, tell
             from plateau.farm.model.errors import Incompatible
 
             if not isinstance(error, EXPECTED):
@@ -136,8 +136,6 @@ class Command(typer.core.TyperCommand):
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError:
-            from plateau.errors import needs
-
             with needs(_EXTRAS.get(ctx.command_path.split()[1], "all")):
                 raise
 

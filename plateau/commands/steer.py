@@ -1,11 +1,13 @@
-"""Commands that control jobs and batches, delete those that have ended, and render them again."""
+"""`plateau cancel | pause | resume | delete | restore | priority`: controls jobs and batches."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from plateau.cli import options as o
-from plateau.cli.app import app
+from plateau.commands import options as o
+from plateau.commands.app import app
+from plateau.commands.connect import connect
+from plateau.commands.printing import print_one
 
 
 @app.command()
@@ -84,15 +86,21 @@ def restore(
 def _steer(
     job_id: str | None, batch: str | None, action: str, *, url: str | None, as_json: bool
 ) -> None:
-    """Change the one of the two that is named."""
-    from plateau.commands.batches import steer as steer_batch
-    from plateau.commands.jobs import steer as steer_job
-
-    job = o.one_of(job_id, batch)
-    if batch is None:
-        steer_job(job, action, url=url, as_json=as_json)
-    else:
-        steer_batch(batch, action, url=url, as_json=as_json)
+    """Change the one of the two that is named, and print the outcome for each job."""
+    given = o.one_of(job_id, batch)
+    with connect(url) as client:
+        if batch is not None:
+            steered = getattr(client, f"{action}_batch")(batch)
+            lines = [
+                f"{one.job}{f' {one.state.in_words}' if one.state else ''}"
+                f"{f' ({one.why_not})' if one.why_not else ''}"
+                for one in steered.jobs
+            ]
+            print_one(steered, "\n".join(lines), as_json=as_json)
+            return
+        job = getattr(client, action)(client.whole_id(given))
+    shown = f"{job.id} {job.outcome}{', deleted' if job.deleted_at else ''}"
+    print_one(job, shown, as_json=as_json)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})  # -5 is a priority
@@ -116,29 +124,6 @@ def priority(
     Workers render jobs of the highest priority first, and share their time among jobs of equal
     priority. No worker stops in the middle of a slice.
     """
-    from plateau.commands.jobs import priority as run
-
-    run(job_id, value, url=url, as_json=as_json)
-
-
-@app.command()
-@o.takes_changes(but={"shot"})
-def again(
-    job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Render an ended job again, with the samples that it has, and print the new job's id.
-
-    For example:
-      plateau again 3f9ac2d01b77 --rule visible:target=0.0001
-      plateau again 3f9ac2d01b77 --seed 1
-      plateau watch $(plateau again 3f9ac2d01b77 --max-spp 20000) -o out
-
-    Options that are not given are as in the old job, which stays as it is. The new job keeps the
-    old one's samples if they are left and the changes allow it; standard error says how many, or
-    why none. A stricter rule and a higher cap allow it, but on scalar_rgb not every cap does. If
-    the old job kept its slices (--keep-slices), the view and the step may change too, and with a
-    --max-spp that is not beyond them nothing is rendered. Another --seed draws other samples.
-    """
-    from plateau.commands.jobs import again as run
-
-    run(job_id, changes, url=url, as_json=as_json)
+    with connect(url) as client:
+        job = client.set_priority(client.whole_id(job_id), value)
+    print_one(job, f"{job.id} {job.state.value}, priority {job.spec.priority}", as_json=as_json)

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final, TypeAlias, get_args
 import typer
 
 from plateau import scenes
-from plateau.cli import complete
-from plateau.cli.spec_fields import checked, spec_fields
+from plateau.commands.options import complete
+from plateau.commands.options.spec_fields import checked, spec_fields
 
 
 def _scene(given: Path) -> Path:
@@ -158,7 +158,7 @@ def spec_from_options(
     variant: Annotated[
         str | None,
         typer.Option(
-            help="auto;",  # `plateau.cli.rule_options` adds those of the renderers
+            help="auto;",  # `plateau.commands.options.rule_options` adds those of the renderers
             show_default="auto",
             autocompletion=complete.variants,
         ),

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plateau import scenes
-from plateau.cli import complete
-from plateau.cli.bash_completion import joined
+from plateau.commands.options import complete
+from plateau.commands.options.bash_completion import joined
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.renderers import variants

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import typer
 
-from plateau.cli import rule_options
+from plateau.commands.options import rule_options
 
 
 def spec_fields(
@@ -34,7 +34,7 @@ def spec_fields(
     focus: Path | None = None,
     **named_alike: object,
 ) -> dict[str, Any]:
-    """The fields of a spec that were given; the options are in `plateau.cli.options`."""
+    """The fields of a spec that were given; the options are in `plateau.commands.options`."""
     if field_of_view is not None and (pixels_per_degree is not None or seen is not None):
         raise typer.BadParameter("--field-of-view stands for pixels per degree: give one of them")
     view = view_of_place(seen) | _given(

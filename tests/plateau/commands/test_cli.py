@@ -14,9 +14,9 @@ import typer
 from typer.testing import CliRunner
 
 from plateau import scenes
-from plateau.cli import app
-from plateau.cli.options import spec_from_options
-from plateau.cli.spec_fields import spec_fields
+from plateau.commands import app
+from plateau.commands.options import spec_from_options
+from plateau.commands.options.spec_fields import spec_fields
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import PLACES, JobSpec
@@ -97,7 +97,7 @@ class TestHelp:
         subprocess.run([sys.executable, "-m", "plateau", "--help"], check=True, capture_output=True)
         after = os.times()
         assert after.children_user - before.children_user < 0.6
-        program = "import plateau.cli, sys; print(*sys.modules)"
+        program = "import plateau.commands, sys; print(*sys.modules)"
         loaded = subprocess.run(
             [sys.executable, "-c", program], check=True, capture_output=True, text=True
         ).stdout.split()

@@ -10,7 +10,8 @@ from typing import IO
 import psutil
 import pytest
 
-from plateau.farm.process.helper import HelperProcess, NoAnswer, read_part, serve, write_part
+from plateau.farm.process.child import NoAnswer, read_part, serve, write_part
+from plateau.farm.process.helper import HelperProcess
 from tests.support.until import until
 
 

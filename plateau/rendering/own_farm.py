@@ -107,7 +107,7 @@ def render_alone(
         ) as tree,
     ):
         # These imports take place while the tree's processes start.
-        import plateau.commands.outputs
+        import plateau.rendering.outputs
         import plateau.terminal.progress  # noqa: F401
         from plateau.client import Client
 
@@ -147,7 +147,7 @@ def _run(
     shown: "Progress",
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
-    from plateau.commands.follow import cancelling, follow
+    from plateau.rendering.follow import cancelling, follow
 
     job = client.submit(scene, spec)
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
