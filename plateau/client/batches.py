@@ -68,7 +68,9 @@ class BatchCalls(Calls):
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
         with refusing():
-            asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)
+            asked = BatchSpec.model_validate(
+                {**shared, "parameters": entries, "same_seeds": same_seeds}
+            )
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)

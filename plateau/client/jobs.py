@@ -286,7 +286,7 @@ def spec_of(spec: JobSpec | None, fields: Mapping[str, Any]) -> JobSpec:
     """The spec with these fields replaced, checked."""
     given = {} if spec is None else {name: getattr(spec, name) for name in spec.model_fields_set}
     with refusing():
-        return JobSpec(**{**given, **fields})
+        return JobSpec.model_validate({**given, **fields})
 
 
 @contextmanager

@@ -3,7 +3,9 @@
 import os
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, Final, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar, cast
 
 import typer
 import typer.core
@@ -63,11 +65,23 @@ _EXTRAS: Final[dict[str, str]] = {
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
+def _at_home(process: Callable[[Any, Any], Any], ctx: Any, value: Any) -> Any:
+    """Read paths that the shell left as they are: quoted ones, and those after a =."""
+    from plateau.farm.model.scene_roots import at_home
+
+    if isinstance(value, list | tuple):
+        return process(ctx, [str(at_home(one)) for one in value])
+    return process(ctx, str(at_home(value)) if isinstance(value, str) else value)
+
+
 class Command(typer.core.TyperCommand):
     """A command whose help keeps the lines of its examples, and whose errors are one line."""
 
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
+        for one in cast("list[Any]", self.params):
+            if one.type_descriptor.annotation in (Path, list[Path]):
+                setattr(one, "process_value", partial(_at_home, one.process_value))  # noqa: B010
         self._takes_rule = any(one.name == "rule" for one in self.params)
         self._of_rules: list[str] | None = None
 

@@ -29,7 +29,8 @@ def submit(
         typer.Option(
             metavar="NAME=VALUES",
             help="Submit one job for each value of the scene's parameter $NAME: 0..99 or 0..99:2 "
-            "(whole numbers, the last one included) or a,b,c; repeated, for each combination.",
+            "(whole numbers, the last one included), a,b,c, or a list of ranges; repeated, for "
+            "each combination.",
         ),
     ] = None,
     zipped: Annotated[

@@ -79,6 +79,7 @@ class RenderChild:
         self._limits = limits
         self._request_id = 0
         self._scene: Loaded | None = None
+        self.notes: tuple[str, ...] = ()  #: on the last film
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._home = home
@@ -171,6 +172,7 @@ class RenderChild:
                 show(self._film(self._scene, zones, answer.at), answer.spp)
             elif isinstance(answer, contract.SumDone):
                 self._watch.ended(samples)
+                self.notes = answer.notes
                 return self._film(self._scene, zones, answer.at), answer.render_s
 
     def _film(self, scene: Loaded, zones: Sequence[Zone], at: int) -> Film:

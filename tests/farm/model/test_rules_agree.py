@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from plateau.farm.model.errors import InvalidSpec
 from plateau.farm.model.spec import JobSpec, ViewSpec
 from plateau.farm.model.spec.parts import LEAST_SIDE, ShotSpec
 from plateau.farm.model.spec.rule_specs import SPECS
@@ -97,7 +98,7 @@ def test_bounds_agree(
         model(**{name: allowed})
         judge(**{name: allowed})
     for refused in (below, above, math.nan, math.inf):
-        with pytest.raises(ValidationError):
+        with pytest.raises(InvalidSpec):
             model(**{name: refused})
         with pytest.raises(ValueError, match=name):
             judge(**{name: refused})

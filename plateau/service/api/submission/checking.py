@@ -27,7 +27,8 @@ async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> Scen
         check_film_sizes(found.sizes, list(entries))
     if found.summary is not None:
         try:
-            variant = variant_for(spec.variant, found.summary.renderer)
+            summary = found.summary
+            variant = variant_for(spec.variant, summary.renderer, is_whole=summary.is_whole)
         except ValueError as error:
             raise Problem(problems.FOREIGN_VARIANT, error=error) from error
     fields = iter(entries)

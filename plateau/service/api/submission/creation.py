@@ -28,8 +28,9 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     source = sha256 if asked.again is None else asked.again.of
     digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
-    variant = variant_for(asked.spec.variant, scene.summary.renderer)
-    needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
+    summary = scene.summary
+    variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
+    needs = {*asked.spec.requires, *map(root_tag, summary.roots)}
     if len(needs) > MOST_TAGS:
         raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
     specs = _job_specs(asked.spec, called)
