@@ -167,7 +167,7 @@ def series(stops: dict[str, Stop]) -> Series:
     one = Series("BOX 1", 100, 10_000, [100_000 // spp for spp in range(50, 10_050, 50)])
     done = Stop(200, ended=True, looks=2, seen=500)
     one.stops = {name: stops.get(rule, done) for rule, (name, _) in RULES.items()}
-    one.spp_s, one.look_s = [0.5, 0.5], {whose: [5.0] for _, whose in RULES.values()}
+    one.spp_s, one.poll_s = [0.5, 0.5], {whose: [5.0] for _, whose in RULES.values()}
     return one
 
 

@@ -49,7 +49,7 @@ def notifying(redis_url: str, notes: Notes) -> Iterator[None]:
         notes,
         lease_s=30.0,
         delay_s=lambda *_: 0.05,
-        look_s=0.05,
+        poll_s=0.05,
     )
     thread = threading.Thread(target=notifier.run)
     thread.start()
