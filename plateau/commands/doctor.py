@@ -16,7 +16,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.printing import print_json
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 
 if TYPE_CHECKING:
     from plateau.farm.model.renderers import RendererFacts
