@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import trustme
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable
 from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server
 from tests.support.blob_contract import BIG, BlobContract

@@ -21,8 +21,9 @@ from plateau.farm.process.lifecycle import die_with_parent
 
 #: What the commands of a farm import when they are run.
 _MODULES: Final = (
-    *("plateau.cli", "plateau.commands.serve", "plateau.service.api.process"),
-    *("plateau.service.monitor.monitor", "plateau.worker.supervisor.supervisor"),
+    *("plateau.commands.serve", "plateau.processes.process", "plateau.processes.standing"),
+    *("plateau.service.api.process", "plateau.service.monitor.monitor"),
+    "plateau.worker.supervisor.supervisor",
 )
 _MOST: Final = 1 << 17  #: bytes of a message: an environment
 
@@ -117,7 +118,7 @@ def main() -> None:
         os.environ.clear()
         os.environ.update(asked["environment"])
         sys.argv = ["plateau", *asked["arguments"]]
-        import_module("plateau.cli").main()
+        import_module("plateau.commands").main()
 
 
 if __name__ == "__main__":
