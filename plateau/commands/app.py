@@ -40,7 +40,7 @@ Settings are PLATEAU_… environment variables. `plateau doctor` shows them and 
 _HINTS: Final = {
     "unknown-job": "`plateau list` shows the jobs",
     "no-image-yet": "`plateau watch` shows when there is one",
-    "unknown-scene": "give the file itself; `plateau scenes` shows what is stored",
+    "unknown-scene": "give the file itself; `plateau list scenes` shows what is stored",
     "store-unavailable": "try again shortly; `plateau doctor` may know more",
 }
 
@@ -55,7 +55,6 @@ _EXTRAS: Final[dict[str, str]] = {
     "keys": "farm",
     "monitor": "service",
     "movie": "images,movie",
-    "notify": "monitor,notify",
     "redis-acl": "farm",
     "scale": "farm",
     "worker": "worker",

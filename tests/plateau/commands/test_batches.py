@@ -227,12 +227,14 @@ class TestTheCommandLine:
         assert (code, out) == (0, "w\n"), error
         made = list(plateau.all_jobs(batch="w"))[::-1]
         assert [job.spec.parameters["frame"] for job in made] == ["0", "1", "2"]
-        code, out, _ = command("batches")
+        code, out, _ = command("list", "batches")
         assert (code, out.split("\t")[:3]) == (0, ["w", "3", "3 queued"])
-        code, out, _ = command("batch", "w")
+        code, out, _ = command("show", "--batch", "w")
         assert code == 0
         assert "w, 3 jobs: 3 queued" in out
-        assert json.loads(command("batch", "w", "--json")[1])["job_ids"] == [job.id for job in made]
+        assert json.loads(command("show", "--batch", "w", "--json")[1])["job_ids"] == [
+            job.id for job in made
+        ]
 
     def test_submits_a_shot_and_shows_it(self, walk: Path) -> None:
         submitted = ("submit", str(walk), "--each", "frame=0..2", "--batch", "w", "--shot")
@@ -244,13 +246,13 @@ class TestTheCommandLine:
             code, _, error = command(*submitted, text)
             assert (code, words in " ".join(error.split())) == (2, True), error
         assert command(*submitted, "24:target=none")[0] == 0
-        code, out, _ = command("shot", "w")
+        code, out, _ = command("show", "--batch", "w", "--frames")
         assert code == 0
         assert "3 frames at 24 per second, rendering: 0 of them wait" in out
         assert out.count("queued") == 3
-        found = json.loads(command("shot", "w", "--json")[1])
+        found = json.loads(command("show", "--batch", "w", "--frames", "--json")[1])
         assert (found["fps"], found["target"]) == (24, None)
-        assert "3 frames at 24 per second" in command("batch", "w")[1]
+        assert "3 frames at 24 per second" in command("show", "--batch", "w")[1]
         code, _, error = command("submit", str(walk), "--shot", "24")
         assert (code, "give `parameters` as a list" in error) == (1, True)
 

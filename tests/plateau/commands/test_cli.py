@@ -363,12 +363,16 @@ class TestTalkingToAService:
         assert plateau("delete", job.id) == (0, f"{job.id} cancelled, deleted\n", "")
         assert plateau("list") == (0, "", "no jobs\n")
         assert plateau("list", "--deleted")[1].startswith(f"{job.id}\tcancelled\t")
-        assert f"`plateau restore {job.id}` undoes it" in plateau("show", job.id)[1]
-        assert plateau("restore", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
+        assert f"`plateau delete --undo {job.id}` undoes it" in plateau("show", job.id)[1]
+        assert plateau("delete", "--undo", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
         assert plateau("list", "--search", "LAMP walk")[1].startswith(job.id)
         assert plateau("delete", "--batch", "walk") == (0, f"{job.id} cancelled\n", "")
-        assert plateau("batch", "walk")[0] == 1
-        assert plateau("restore", "--batch", "walk")[0] == plateau("batch", "walk")[0] == 0
+        assert plateau("show", "--batch", "walk")[0] == 1
+        assert (
+            plateau("delete", "--undo", "--batch", "walk")[0]
+            == plateau("show", "--batch", "walk")[0]
+            == 0
+        )
 
     def test_cancel_may_be_repeated_but_not_too_late(self, client: redis.Redis) -> None:
         job = StagedJob(client)

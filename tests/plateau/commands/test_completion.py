@@ -137,7 +137,7 @@ def test_jobs_are_offered_where_something_can_be_done_with_them(
         words = ["plateau", command, ""]
         offered = set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api))
         assert offered == {jobs[state] for state in states}, command
-    words = ["plateau", "restore", ""]
+    words = ["plateau", "delete", "--undo", ""]
     assert set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api)) == {put_away}
     job_id = jobs["rendering"]
     words = ["plateau", "watch", job_id[:6]]

@@ -142,7 +142,7 @@ def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:
-    terminal = Terminal("curve", job.id, "--url", api)
+    terminal = Terminal("show", "--curve", job.id, "--url", api)
     try:
         assert terminal.exit_code() == 0
         lines = terminal.lines()

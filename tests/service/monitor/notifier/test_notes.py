@@ -170,7 +170,9 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
                 until(lambda: delivered(client, job), 60)
     finally:
         logging.getLogger().removeHandler(handler)
-    assert "`plateau notify ops` on this machine says why; try 2 follows" in stream.getvalue()
+    assert (
+        "`plateau doctor --notify ops` on this machine says why; try 2 follows" in stream.getvalue()
+    )
     told = json.loads(receiver.received[1].body)
     assert told["title"] == "box converged"
     assert PATH in receiver.received[1].path
