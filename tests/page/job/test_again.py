@@ -52,7 +52,12 @@ def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
 
 def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm, url: str) -> None:
     first = ended(farm, url, name="kitchen", max_spp=400, rule={"name": "fixed", "spp": 300})
-    page = visit(f"/jobs/{first['id']}", expected={404, 422}).page
+    # One that has not ended has no such way, and one that has not failed says of no failure
+    page = visit(f"/jobs/{farm.submit('box').id}", expected={404, 422}).page
+    expect(page.get_by_role("heading", name="box")).to_be_visible()
+    expect(page.get_by_role("link", name="Again…")).to_have_count(0)
+    page.goto(f"/jobs/{first['id']}")
+    expect(page.get_by_role("region", name="Why it failed")).to_be_hidden()
     page.get_by_role("link", name="Again…").click()
     expect(page).to_have_url(re.compile(rf"/submit\?again={first['id']}$"))
     expect(page.get_by_role("heading", name="Render kitchen again")).to_be_visible()
@@ -95,8 +100,6 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
             "aovs": ["albedo", "depth"],
             "exr": {"precision": "half", "compression": "zip"},
             "zones": [4, 4],
-        },
-        {
             "batch": "walk",
             "keep_slices": True,
             "priority": -5,
@@ -160,19 +163,6 @@ def test_a_notice_s_url_is_left_out_and_the_form_says_so(
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     expect(page.get_by_text("The URL of the job's notice is left out")).to_be_visible()
     assert sent(page, farm)["notice"] == {"url": None, "targets": []}
-
-
-def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
-    page = visit("/submit?again=0123456789ab", expected={404}).page
-    expect(page.get_by_role("alert").filter(has_text="there is no job")).to_be_visible()
-    page.get_by_role("link", name="Submit a scene").last.click()
-    expect(page.locator("#scene-file")).to_be_attached()
-
-
-def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm) -> None:
-    page = visit(f"/jobs/{farm.submit('box').id}").page
-    expect(page.get_by_role("heading", name="box")).to_be_visible()
-    expect(page.get_by_role("link", name="Again…")).to_have_count(0)
 
 
 def test_a_notice_that_is_not_delivered_is_said(visit: Visit, client: redis.Redis) -> None:

@@ -39,11 +39,10 @@ def side(page: Page, number: int, kind: str) -> Locator:
 
 
 class TestAJobThatKeptItsSlices:
-    @pytest.fixture
-    def job(self, farm: NoiseFarm) -> Job:
-        return finished(farm, keep_slices=True)
-
-    def test_any_two_points_of_its_curve(self, visit: Visit, farm: NoiseFarm, job: Job) -> None:
+    def test_any_two_points_of_its_curve_at_one_exposure(
+        self, visit: Visit, farm: NoiseFarm
+    ) -> None:
+        job = finished(farm, keep_slices=True)
         page = visit(f"/jobs/{job.id}").page
         page.get_by_role("button", name="Compare").click()
         left, right = (page.get_by_role("combobox", name=name) for name in ("Left", "Right"))
@@ -59,10 +58,6 @@ class TestAJobThatKeptItsSlices:
                 picture = encode_srgb(merged(farm, job, spp), 0).astype(np.int16)
                 is_shown(side(page, number, "img"), picture)
         expect(page.get_by_text("Every point of the curve")).to_be_visible()
-
-    def test_both_at_one_exposure(self, visit: Visit, job: Job) -> None:
-        page = visit(f"/jobs/{job.id}").page
-        page.get_by_role("button", name="Compare").click()
         both = [side(page, number, "img") for number in (0, 1)]
         page.get_by_label("Exposure").fill("3.5")
         for image in both:
@@ -76,25 +71,16 @@ class TestAJobThatKeptItsSlices:
         expect(both[0]).to_have_css("filter", "none")
 
 
-class TestAJobThatKeptPictures:
-    @pytest.fixture
-    def job(self, farm: NoiseFarm) -> Job:
-        return finished(farm)
-
-    def test_says_what_it_kept(self, visit: Visit, farm: NoiseFarm, job: Job) -> None:
-        page = visit(f"/jobs/{job.id}").page
-        page.get_by_role("button", name="Compare").click()
-        count = len(kept(farm.store, job.id))
-        words = f"The job kept pictures of {count} point{'s' if count > 1 else ''} out of 8"
-        expect(page.get_by_text(words)).to_be_visible()
-
-
 @pytest.mark.parametrize("scheme", ["light", *rare("dark")])
 def test_anybody_can_compare(visit: Visit, farm: NoiseFarm, scheme: str) -> None:
     job = finished(farm)
     page = visit(f"/jobs/{job.id}", color_scheme=scheme, bypass_csp=True).page
     page.get_by_role("button", name="Compare").click()
     expect(side(page, 0, "img")).to_be_visible()
+    # It kept some pictures, and says so
+    count = len(kept(farm.store, job.id))
+    words = f"The job kept pictures of {count} point{'s' if count > 1 else ''} out of 8"
+    expect(page.get_by_text(words)).to_be_visible()
     page.get_by_label("Exposure").focus()
     for _ in range(3):
         page.keyboard.press("ArrowRight")

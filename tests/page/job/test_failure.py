@@ -69,10 +69,3 @@ def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(
     expect(why(page)).to_contain_text("Mend it, and submit it.")
     expect(why(page).locator("pre")).to_have_text("in scene.xml, line 7")
     expect(why(page).get_by_role("button")).to_have_count(0)
-
-
-def test_only_a_failed_job_has_such_a_part(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.jobs.cancel(farm.submit("box").id)
-    page = visit(f"/jobs/{job.id}", expected={404}).page
-    expect(page.get_by_role("link", name="Again…")).to_be_visible()
-    expect(why(page)).to_be_hidden()

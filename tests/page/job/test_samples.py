@@ -72,14 +72,6 @@ def test_they_change_while_it_renders(visit: Visit, farm: NoiseFarm) -> None:
         expect(page.locator(".scale:visible output").last).to_have_text(f"{done.spp_max:,} spp")
 
 
-def test_a_job_by_frame_has_no_such_map(visit: Visit, farm: NoiseFarm) -> None:
-    job = finished(farm, **{**JOB, "allocation": {"name": "frame"}, "max_spp": 80})
-    page = visit(f"/jobs/{job.id}").page
-    expect(page.get_by_role("button", name="Difference", exact=True)).to_be_visible()
-    expect(page.get_by_role("button", name="Samples", exact=True)).to_be_hidden()
-    expect(page.locator(".facts")).to_contain_text(re.compile(rf"{job.spp} spp(?! \()"))
-
-
 def test_its_scale_has_the_colours_of_the_map() -> None:
     shown = re.findall(r"#([0-9a-f]{6})", re.search(r"\.viridis .*", STYLE.read_text())[0])
     colours = [[int(colour[at : at + 2], 16) for at in (0, 2, 4)] for colour in shown]

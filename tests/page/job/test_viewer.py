@@ -10,7 +10,6 @@ from playwright.sync_api import Browser, Page, expect
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
@@ -79,7 +78,7 @@ def test_pixels_are_crisp(page: Page, two: Two) -> None:
 
 
 class TestTwoJobs:
-    def test_are_compared_and_flipped(self, page: Page, two: Two) -> None:
+    def test_are_compared_and_flipped(self, page: Page, two: Two, looker: Visitor) -> None:
         page.get_by_role("button", name="Compare").click()
         page.get_by_label("The other job").select_option(two.other.id)
         for side in ("Left", "Right"):
@@ -102,8 +101,7 @@ class TestTwoJobs:
         # A reload comes back to the same two
         page.reload()
         expect(page.get_by_label("The other job")).to_have_value(two.other.id)
-
-    def test_are_chosen_in_the_list(self, page: Page, two: Two) -> None:
+        # They are chosen in the list, too
         page.goto("/")
         page.get_by_role("checkbox", name="Select dusk").check()
         link = page.get_by_role("link", name="Compare", exact=True)
@@ -112,8 +110,9 @@ class TestTwoJobs:
         link.click()
         expect(page).to_have_url(re.compile(r"/jobs/\w+\?with=\w+$"))
         expect(page.locator(".side").last).to_be_visible()
-
-    def test_a_job_of_another_size_is_refused(self, visit: Visit, two: Two) -> None:
-        visitor = visit(f"/jobs/{two.one.id}?with=0123456789ab", url=two.url, expected={404})
+        # One that is not there, or of another size, is said so
+        looker.expected = {404}
+        page.goto(f"/jobs/{two.one.id}?with=0123456789ab")
         hint = "Job 0123456789ab has no image of 32 × 24 pixels to compare."
-        expect(visitor.page.get_by_text(hint)).to_be_visible()
+        expect(page.get_by_text(hint)).to_be_visible()
+        looker.expected = set()

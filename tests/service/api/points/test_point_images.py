@@ -3,13 +3,10 @@
 import asyncio
 import threading
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import httpx
 import numpy as np
 import pytest
-import redis
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
@@ -54,11 +51,6 @@ class CountingBlobs(Blobs):
 
 
 @pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    return NoiseFarm(client, redis_url, tmp_path)
-
-
-@pytest.fixture
 def job(farm: NoiseFarm) -> Job:
     """A job that has kept its six slices, a point each."""
     cap = SLICES * 25
@@ -98,6 +90,12 @@ class TestOverHttp:
             tag = {"If-None-Match": answer.headers["etag"]}
             assert http.get(one["link"], headers=tag).status_code == 304
             assert http.head(one["link"]).headers["etag"] == answer.headers["etag"]
+        # And what is no point has none
+        for spp in (30, 175, 1_000_000):
+            answer = http.get(f"/v1/jobs/{job.id}/previews/{spp}.png")
+            assert answer.status_code == 404
+            assert answer.json()["type"] == "/problems/unknown-point"
+            assert "25 spp apart, up to 150" in answer.json()["detail"]
 
     def test_is_to_the_bit_what_was_judged(
         self, job: Job, farm: NoiseFarm, http: httpx.Client
@@ -108,13 +106,6 @@ class TestOverHttp:
         forget_pictures(farm, job)
         assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
         assert http.get(f"{root}/previews/25.png").content == kept
-
-    @pytest.mark.parametrize("spp", [30, 175, 1_000_000])
-    def test_what_is_no_point_has_none(self, job: Job, http: httpx.Client, spp: int) -> None:
-        answer = http.get(f"/v1/jobs/{job.id}/previews/{spp}.png")
-        assert answer.status_code == 404
-        assert answer.json()["type"] == "/problems/unknown-point"
-        assert "25 spp apart, up to 150" in answer.json()["detail"]
 
     def test_a_lost_or_spoiled_slice_is_said(
         self, job: Job, farm: NoiseFarm, http: httpx.Client
@@ -257,14 +248,3 @@ class TestItsCost:
         sums._sums["job", 1] = point_sums.Sum(Channels(), np.zeros((2, 2, 4)))
         with pytest.raises(SliceLost, match="another size"):
             sums.image("job", slices[:2], is_given_up=lambda: False)
-
-
-def test_many_clients_at_once_all_get_theirs(job: Job, farm: NoiseFarm, http: httpx.Client) -> None:
-    forget_pictures(farm, job)
-    spps = [25, 50, 75, 100, 125, 150]
-    with ThreadPoolExecutor(len(spps)) as clients:
-        found = list(
-            clients.map(lambda spp: http.get(f"/v1/jobs/{job.id}/previews/{spp}.png"), spps)
-        )
-    assert [int(answer.headers["plateau-spp"]) for answer in found] == spps
-    assert len({answer.content for answer in found}) == len(spps)

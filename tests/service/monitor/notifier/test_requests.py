@@ -85,22 +85,16 @@ def speaking(words: Iterable[bytes], pause_s: float = 0.0) -> Iterator[str]:
             thread.join()
 
 
-class TestTheSignature:
-    def test_is_what_the_library_of_standard_webhooks_expects(self) -> None:
-        assert Webhook(SECRET).verify(BODY, headers()) == {"type": "job.converged"}
-
-    def test_is_of_the_whole_body(self) -> None:
+def test_a_signature_is_what_the_library_of_standard_webhooks_expects() -> None:
+    assert Webhook(SECRET).verify(BODY, headers()) == {"type": "job.converged"}
+    then = datetime.now(timezone.utc) - timedelta(minutes=10)
+    for secret, body, signed in (
+        (SECRET, BODY + b" ", headers()),
+        (f"whsec_{'A' * 43}=", BODY, headers()),
+        (SECRET, BODY, signed_headers("msg_1", then, BODY, SECRET)),
+    ):
         with pytest.raises(WebhookVerificationError):
-            Webhook(SECRET).verify(BODY + b" ", headers())
-
-    def test_is_of_this_secret(self) -> None:
-        with pytest.raises(WebhookVerificationError):
-            Webhook(f"whsec_{'A' * 43}=").verify(BODY, headers())
-
-    def test_is_of_this_moment(self) -> None:
-        then = datetime.now(timezone.utc) - timedelta(minutes=10)
-        with pytest.raises(WebhookVerificationError, match="too old"):
-            Webhook(SECRET).verify(BODY, signed_headers("msg_1", then, BODY, SECRET))
+            Webhook(secret).verify(body, signed)
 
 
 class TestARequest:
@@ -114,12 +108,6 @@ class TestARequest:
         assert received.headers["content-type"] == "application/json"
         assert received.headers["user-agent"].startswith("Plateau/")
         received.verified()
-
-    def test_follows_no_redirect(self) -> None:
-        with receiving() as private:
-            with receiving(lambda *_: (302, {"Location": private.url})) as receiver:
-                assert requests().post(receiver.url, headers(), BODY).status == 302
-            assert private.received == []
 
     def test_knows_no_proxy(self, monkeypatch: pytest.MonkeyPatch) -> None:
         with receiving() as proxy, receiving() as receiver:
@@ -220,6 +208,9 @@ class TestTime:
         # Each drop comes in time, and all of them never
         with speaking(itertools.repeat(b"H"), pause_s=0.2) as url, pytest.raises(NoAnswer):
             requests(total_s=1.5).post(url, headers(), BODY)
+        # Nor is it one that is no HTTP
+        with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoAnswer):
+            requests(total_s=2).post(url, headers(), BODY)
 
     def test_a_body_without_an_end_is_left(self) -> None:
         endless = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n" + b"x" * 1_000_000
@@ -235,10 +226,6 @@ class TestTime:
             port = listener.getsockname()[1]
         with pytest.raises(NoAnswer, match="refused"):
             requests().post(f"http://127.0.0.1:{port}/", headers(), BODY)
-
-    def test_what_is_no_http(self) -> None:
-        with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoAnswer):
-            requests(total_s=2).post(url, headers(), BODY)
 
     def test_headers_without_an_end(self) -> None:
         flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
