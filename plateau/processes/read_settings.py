@@ -10,7 +10,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import url as redis_url
 
-#: The settings of the connection to Redis, beside its URL.
+#: The settings of the connection to Redis, besides its URL.
 REDIS_VARIABLES: Final = (
     "PLATEAU_REDIS_USER",
     "PLATEAU_REDIS_PASSWORD_FILE",

@@ -251,7 +251,7 @@ class _File:
             raise self._refusal(
                 "unknown-plugin",
                 f"Mitsuba has no plugin of the type {shown(plugin)}{guess(plugin, known)} "
-                "(PLATEAU_PLUGINS names those that workers have beside Mitsuba's)",
+                "(PLATEAU_PLUGINS names those that workers have besides Mitsuba's)",
                 line,
             )
 

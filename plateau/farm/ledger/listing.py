@@ -150,7 +150,7 @@ def _has(text: str, words: Sequence[str]) -> bool:
 
 
 def _text(job_id: str, fields: dict[str, str | None], words: Sequence[str]) -> str:
-    """What a search looks at beside the owner: a job's id, its names, its batch and its tags."""
+    """What a search looks at besides the owner: a job's id, its names, its batch and its tags."""
     if not words:
         return ""
     try:

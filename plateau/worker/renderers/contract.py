@@ -81,7 +81,7 @@ class Load:
     sensor : int
         Index of the sensor to render.
     aovs : tuple of str
-        What the film is to have beside colour, of `plateau.farm.model.aovs.AOVS`.
+        What the film is to have besides colour, of `plateau.farm.model.aovs.AOVS`.
     threads : int
         How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
     """

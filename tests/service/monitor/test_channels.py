@@ -10,7 +10,7 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image, decode_layers
 from plateau.farm.model import versions
 from plateau.farm.model.job import Job

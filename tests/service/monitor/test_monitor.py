@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.read_ahead import SLOW_S
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image

@@ -16,6 +16,7 @@ from plateau.farm.images.exr import (
     encode_partial,
 )
 from plateau.farm.ledger.queue import Committed, Lease
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
@@ -96,7 +97,7 @@ def test_noisy_zones_have_more_samples_than_calm_ones(
     for point in curve:
         assert point.spp == (point.samples or 0) // PIXELS
         assert (point.spp_min or 0) <= point.spp <= (point.spp_max or 0)
-    assert farm.jobs.census().samples == farm.jobs.plan(done).samples(
+    assert take_census(farm.client).samples == farm.jobs.plan(done).samples(
         len(farm.jobs.ledger(done.id))
     )
     assert done.samples_saved == 4000 * PIXELS - (curve[-1].samples or 0)
@@ -227,7 +228,7 @@ def test_one_that_goes_on_is_as_if_it_had_never_stopped(farm: NoiseFarm, keep_sl
     with farm.monitor():
         done = farm.finish(go_on(farm, stopped, rule={"name": "fixed", "spp": 240}))
     assert done.state is JobState.CONVERGED
-    check_job(farm.jobs, farm.store, farm.jobs._redis, done.id)
+    check_job(farm.jobs, farm.store, farm.client, done.id)
     images = [decode_layers(farm.picture(job, "image.exr")) for job in (done, never_stopped)]
     for name, values in images[0].items():
         np.testing.assert_array_equal(values, images[1][name])
@@ -242,7 +243,7 @@ def test_one_that_its_cap_ended_goes_on_to_a_higher_cap(farm: NoiseFarm) -> None
             done = farm.finish(go_on(farm, capped, max_spp=higher))
         assert done.state is JobState.EXHAUSTED
         assert cap < done.spp <= higher
-        check_job(farm.jobs, farm.store, farm.jobs._redis, done.id)
+        check_job(farm.jobs, farm.store, farm.client, done.id)
 
 
 def test_its_kept_slices_make_its_images_and_can_be_judged_by_another_rule(

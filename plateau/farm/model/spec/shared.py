@@ -11,13 +11,18 @@ from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import texts
-from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
-from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
-from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.notice import NoticeSpec
+from plateau.farm.model.spec.parts import (
+    AllocationSpec,
+    DenoiseSpec,
+    ExrSpec,
+    FrameAllocation,
+    NoDenoising,
+    OidnDenoising,
+    ShotSpec,
+)
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
-from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
 from plateau.rules import MOST_SPP
 
@@ -140,7 +145,7 @@ class SharedSpec(Strict):
     aovs: Aovs = Field(
         default=(),
         max_length=len(AOV_NAMES),
-        description="what image.exr has beside colour, such as albedo, normal or depth",
+        description="what image.exr has besides colour, such as albedo, normal or depth",
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: Annotated[RuleSpec, texts.NAMED] = Field(
@@ -171,7 +176,7 @@ class SharedSpec(Strict):
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
     notice: NoticeSpec = Field(
-        default_factory=NoticeSpec, description="who is told that the job has ended"
+        default_factory=NoticeSpec, description="who is notified when the job ends"
     )
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from plateau.farm.process.addresses import is_loopback
+from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.http.layers import Layer
 from plateau.service.api.problems.problem import (
@@ -106,7 +106,7 @@ class OneLength(Layer):
 
 _AMBIGUOUS: Final = Problem(
     MALFORMED_REQUEST,
-    "where the request's body ends cannot be told: send Content-Length, or with HTTP/1.1 "
+    "the request does not say where its body ends: send Content-Length, or with HTTP/1.1 "
     "Transfer-Encoding: chunked, and never both",
     headers={"Connection": "close"},
 )

@@ -8,11 +8,11 @@ from pydantic import ValidationError
 from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
-from plateau.farm.model.spec.shot import LEAST_SIDE
-from plateau.farm.process.addresses import ReceiverRefused, Receivers
-from plateau.farm.process.notify_targets import Targets, UnknownTarget
+from plateau.farm.model.spec.parts import LEAST_SIDE
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
+from plateau.service.notices.receivers import ReceiverRefused, Receivers
+from plateau.service.notices.targets import Targets, UnknownTarget
 
 AnySpec = TypeVar("AnySpec", bound=SharedSpec)
 

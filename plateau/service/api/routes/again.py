@@ -26,10 +26,12 @@ from plateau.service.api.problems.spec_checks import (
 )
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
+from plateau.service.api.submission.creation import create_job
 from plateau.service.api.submission.idempotency import IdempotencyKey
 from plateau.service.api.submission.merge_patch import merge_patch
+from plateau.service.api.submission.reading import Submission
+from plateau.service.api.submission.storing import stored_scene
 from plateau.service.api.submission.submitted_spec import check_alone, check_names
-from plateau.service.api.submission.uploads import Submission, create_job, stored_scene
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 

@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from plateau import Client
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.model.scene_roots import read_roots

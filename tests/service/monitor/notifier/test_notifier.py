@@ -17,9 +17,9 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Notice
 from plateau.farm.model.states import JobState
-from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
@@ -28,6 +28,7 @@ from plateau.farm.redis.wake import Wake
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier, notifying
 from plateau.service.monitor.notifier.requests import Requests
+from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Receiver, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -135,7 +136,7 @@ def test_after_its_last_try_it_is_given_up(farm: Farm, status: int, tries: int) 
         job = farm.job(receiver)
         assert farm.await_state(job, "given-up").error == f"the receiver answered {status}"
     assert len(receiver.received) == tries
-    census = Jobs(farm.client).census()
+    census = take_census(farm.client)
     assert census.notice_tries == {"delivered": 0, "failed": tries - 1, "given-up": 1}
 
 
@@ -178,7 +179,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.ledger.outbox import Outbox
-from plateau.farm.process.addresses import Receivers
+from plateau.service.notices.receivers import Receivers
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests
