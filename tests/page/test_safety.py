@@ -146,3 +146,13 @@ def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
         page.goto(site)
         page.click("#ours")
         expect(page.locator("main")).to_contain_text("The curve begins at its first step")
+
+
+@pytest.mark.long
+def test_calls_are_shown_and_can_be_tried(visit: Visit) -> None:
+    page = visit("/docs").page
+    expect(page.get_by_role("heading", name="Plateau")).to_be_visible()
+    page.get_by_role("button", name="GET /healthz").first.click()
+    page.get_by_role("button", name="Try it out").click()
+    page.get_by_role("button", name="Execute").click()
+    expect(page.locator(".live-responses-table")).to_contain_text('"status": "ok"')

@@ -265,6 +265,11 @@ def test_one_too_large_for_the_machine_fails_in_words(
     assert "take 0.1 GB of memory to denoise, and the monitor's machine has 0.0 GB" in done.reason
     # And what there is of it is delivered as it is
     assert "denoised.weight" not in layers(farm, done)
+    # So does one where there is no denoiser
+    monkeypatch.setattr(oidn, "is_installed", lambda: False)
+    done = finished(farm, **JOB)
+    assert done.state is JobState.FAILED
+    assert "install plateau[denoise]" in done.reason
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 3)])
@@ -320,15 +325,6 @@ def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:
 def any_child() -> bool:
     children = psutil.Process().children()
     return any(child.__name__ in one.cmdline() for one in children if one.is_running())
-
-
-def test_without_open_image_denoise_it_is_refused_in_words(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(oidn, "is_installed", lambda: False)
-    done = finished(farm, **JOB)
-    assert done.state is JobState.FAILED
-    assert "install plateau[denoise]" in done.reason
 
 
 class TestContinuing:

@@ -39,16 +39,14 @@ def test_types_of_problems_can_be_looked_up(http: httpx.Client) -> None:
 class TestStrangers:
     """A page of another site, opened in a browser on this machine."""
 
-    @pytest.mark.parametrize("header", ["X-Forwarded-For", "Forwarded", "X-Real-IP"])
-    def test_are_refused_through_a_proxy(self, http: httpx.Client, header: str) -> None:
-        said = problem(http.get("/v1/jobs", headers={header: "10.1.2.3"}), 403, "foreign-host")
-        assert "came through a proxy" in said["detail"]
-
-    @pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:1", "null"])
-    def test_are_refused_from_their_own_pages(self, http: httpx.Client, origin: str) -> None:
-        problem(submit(http, headers={"Origin": origin}), 403, "foreign-origin")
+    def test_are_refused_through_a_proxy(self, http: httpx.Client) -> None:
+        for header in ("X-Forwarded-For", "Forwarded", "X-Real-IP"):
+            said = problem(http.get("/v1/jobs", headers={header: "10.1.2.3"}), 403, "foreign-host")
+            assert "came through a proxy" in said["detail"]
 
     def test_are_told_from_the_api_s_own_pages(self, http: httpx.Client) -> None:
+        for origin in ("http://evil.example", "http://localhost:1", "null"):
+            problem(submit(http, headers={"Origin": origin}), 403, "foreign-origin")
         origin = str(http.base_url).rstrip("/")
         assert submit(http, headers={"Origin": origin}).status_code == 201
 

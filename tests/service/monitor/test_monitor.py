@@ -128,23 +128,18 @@ def test_a_job_that_does_not_converge_is_exhausted_at_its_cap(farm: NoiseFarm) -
 
 def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> None:
     job = farm.submit(**QUICK, time_limit_s=1.5)
+    # And two that no worker takes, of which one's limit counts from its submission
+    patient = farm.submit(**QUICK, time_limit_s=0.5, priority=-1)
+    late = farm.submit(**QUICK, time_limit_s=0.5, time_limit_from="submission", priority=-1)
     with farm.monitor():
         farm.render(1)
+        until(lambda: farm.is_finished(late))
         until(lambda: farm.jobs.get(job.id).finished_at is not None)
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.EXHAUSTED, 10)
     assert "time limit of 1.5 s" in done.reason
     assert farm.picture(job, "image.png")
-
-
-def test_a_time_limit_from_the_submission_ends_a_job_that_nobody_renders(farm: NoiseFarm) -> None:
-    # Given two jobs that no worker takes
-    patient = farm.submit(**QUICK, time_limit_s=0.5)
-    job = farm.submit(**QUICK, time_limit_s=0.5, time_limit_from="submission")
-    with farm.monitor():
-        until(lambda: farm.jobs.get(job.id).finished_at is not None)
-    # Then the one whose limit counts from its submission ends, and the other waits
-    done = farm.jobs.get(job.id)
+    done = farm.jobs.get(late.id)
     assert (done.state, done.spp) == (JobState.FAILED, 0)
     assert done.reason == "no slice of it was rendered within its time limit of 0.5 s"
     assert farm.jobs.get(patient.id).state is JobState.QUEUED

@@ -142,8 +142,9 @@ def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Jo
     assert outcome(farm, job) == outcome(farm, undisturbed)
 
 
+@pytest.mark.parametrize("is_watched", [True, False])
 def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
-    farm: NoiseFarm, undisturbed: Job
+    farm: NoiseFarm, undisturbed: Job, is_watched: bool
 ) -> None:
     job = farm.submit(**QUICK)
     with farm.monitor():
@@ -151,8 +152,14 @@ def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
         held = work_up_to(farm, undisturbed.spp // 10 - 1)
         until(lambda: farm.jobs.get(job.id).points == undisturbed.points - 1)
         farm.jobs.pause(job.id)
+        if is_watched:
+            farm.commit(held)
+            # Then nothing is left to be resumed
+            until(lambda: farm.is_finished(job))
+    if not is_watched:  # its monitor has died, and another finds the verdict
         farm.commit(held)
-        # Then nothing is left to be resumed
+        assert farm.jobs.get(job.id).state is JobState.PAUSED
+    with farm.monitor():
         until(lambda: farm.is_finished(job))
     assert outcome(farm, job) == outcome(farm, undisturbed)
     assert [line.split()[2] for line in farm.jobs.story(job.id)] == [
@@ -161,21 +168,6 @@ def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
         "paused:",
         "converged:",
     ]
-
-
-def test_a_verdict_that_a_dying_monitor_took_with_it_is_found_again(
-    farm: NoiseFarm, undisturbed: Job
-) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        held = work_up_to(farm, undisturbed.spp // 10 - 1)
-        farm.jobs.pause(job.id)
-    # Given that the last slice is committed while there is no monitor
-    farm.commit(held)
-    assert farm.jobs.get(job.id).state is JobState.PAUSED
-    with farm.monitor():
-        until(lambda: farm.is_finished(job))
-    assert outcome(farm, job) == outcome(farm, undisturbed)
 
 
 def test_a_paused_job_whose_last_samples_were_in_hand_reaches_its_cap(farm: NoiseFarm) -> None:

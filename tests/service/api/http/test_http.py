@@ -1,12 +1,17 @@
 """What HTTP promises: methods, paths, parameters, headers and forms that are not there."""
 
+import ast
+import inspect
+
 import httpx
 import pytest
 import redis
+from starlette import formparsers
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
 from plateau.service.api.http.parameters import chosen
+from plateau.service.api.problems.framework_errors import in_our_words
 from plateau.service.api.problems.problem import Problem
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.staged_job import StagedJob
@@ -49,13 +54,17 @@ class TestAMethod:
 
 
 class TestAPath:
-    @pytest.mark.parametrize("path", ["/v1", "/v1/jobs/x/y/z", "/v1//jobs", "/V1/jobs", "/%00"])
-    def test_that_is_not_there_is_a_problem(self, http: httpx.Client, path: str) -> None:
-        answer = http.get(path)
-        assert answer.status_code == 404
-        assert answer.json()["type"] == "/problems/unknown-path"
-
-    def test_that_is_not_there_is_a_page_for_who_looks(self, http: httpx.Client) -> None:
+    def test_that_is_not_there_is_a_problem_and_a_page_for_who_looks(
+        self, http: httpx.Client
+    ) -> None:
+        for path in ("/v1", "/v1/jobs/x/y/z", "/v1//jobs", "/V1/jobs", "/%00"):
+            answer = http.get(path)
+            assert answer.status_code == 404
+            assert answer.json()["type"] == "/problems/unknown-path"
+        for path in ("/v1/jobs/", "/healthz/"):
+            for answer in (http.get(path), http.post(path)):
+                found = problem(answer, 404, "unknown-path")
+                assert "without a slash at its end" in found["detail"]
         looks = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
         answer = http.get("/job/box", headers=looks)
         assert (answer.status_code, answer.headers["content-type"]) == (
@@ -74,14 +83,6 @@ class TestAPath:
             found = problem(http.get(f"/v1/jobs/{job}/slices/{rest}"), 422, "invalid-request")
             assert [one["field"] for one in found["errors"]] == ["index"]
 
-    @pytest.mark.parametrize("path", ["/v1/jobs/", "/healthz/"])
-    def test_has_no_slash_at_its_end_and_is_not_redirected(
-        self, http: httpx.Client, path: str
-    ) -> None:
-        for answer in (http.get(path), http.post(path)):
-            found = problem(answer, 404, "unknown-path")
-            assert "without a slash at its end" in found["detail"]
-
 
 class TestAQueryParameter:
     def test_that_the_route_does_not_have_is_refused_where_it_has_some(
@@ -98,19 +99,14 @@ class TestAQueryParameter:
         events = f"/v1/jobs/{StagedJob(client).id}/events"
         problem(http.get(events, params={"from": "0-0"}), 422, "invalid-request")
 
-    @pytest.mark.parametrize(
-        ("query", "field", "message"),
-        [
+    def test_of_several_types_is_named_as_the_caller_does(self, http: httpx.Client) -> None:
+        for query, field, message in (
             ("pool=", "pool", "must not be empty"),
             ("tag=night&tag=a%20b", "tag.1", "must begin with a letter or a digit"),
-        ],
-    )
-    def test_of_several_types_is_named_as_the_caller_does(
-        self, http: httpx.Client, query: str, field: str, message: str
-    ) -> None:
-        [error] = problem(http.get(f"/v1/demand?{query}"), 422, "invalid-request")["errors"]
-        assert error["field"] == field
-        assert error["message"].startswith(message)
+        ):
+            [error] = problem(http.get(f"/v1/demand?{query}"), 422, "invalid-request")["errors"]
+            assert error["field"] == field
+            assert error["message"].startswith(message)
 
     def test_that_redis_would_refuse_is_refused_before(
         self, http: httpx.Client, client: redis.Redis
@@ -214,3 +210,62 @@ class TestHeaders:
             assert http.get(path).headers["plateau-version"] == versions.plateau()
         # To those who are let in alone
         assert "plateau-version" not in http.get("/v1/jobs", headers={"Origin": "http://x"}).headers
+
+
+EDGE = "multipart/form-data; boundary=edge"
+NAMED = 'Content-Disposition: form-data; name="{}"'
+
+
+def form(*parts: str) -> bytes:
+    """The body of a form whose parts have these heads."""
+    return "".join(f"--edge\r\n{part}\r\n\r\nx\r\n" for part in parts).encode() + b"--edge--\r\n"
+
+
+def file(name: str) -> str:
+    return f'{NAMED.format(name)}; filename="a.xml"'
+
+
+BROKEN_FORMS = {
+    "no boundary": ("multipart/form-data", b"x", "has no boundary"),
+    "a long boundary": (f"multipart/form-data; boundary={'x' * 300}", b"x", "cannot be told apart"),
+    "no parts": (EDGE, b"x", "cannot be told apart"),
+    "a part without a name": (EDGE, form("Content-Disposition: form-data"), "has no name"),
+    "three files": (EDGE, form(*map(file, "abc")), "more than 2 files"),
+    "nine fields": (EDGE, form(*map(NAMED.format, "abcdefghi")), "more than 8 parts"),
+    "a scene that is no file": (
+        EDGE,
+        form(NAMED.format("scene")).replace(b"x\r\n", b"x" * (1 << 20) + b"x\r\n"),
+        "send the scene as a file",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("media_type", "body", "words"), BROKEN_FORMS.values(), ids=BROKEN_FORMS.keys()
+)
+def test_a_form_that_cannot_be_read_says_what_to_send(
+    http: httpx.Client, media_type: str, body: bytes, words: str
+) -> None:
+    answer = http.post("/v1/jobs", content=body, headers={"Content-Type": media_type})
+    assert words in problem(answer, 400, "malformed-request")["detail"]
+
+
+@pytest.mark.parametrize("body", [b'{"job_id": 1', b'"\xff"', b"[" * 60_000])
+def test_a_body_that_is_not_json_says_what_to_send(http: httpx.Client, body: bytes) -> None:
+    answer = http.post("/v1/studies", content=body, headers={"Content-Type": "application/json"})
+    found = problem(answer, 400, "malformed-request")
+    assert found["detail"].startswith("the body is not JSON")
+
+
+def test_every_way_in_which_a_form_is_refused_has_words() -> None:
+    # Given all that the framework says of forms, in its source
+    said = [
+        ast.literal_eval(text.values[0] if isinstance(text, ast.JoinedStr) else text)
+        for call in ast.walk(ast.parse(inspect.getsource(formparsers)))
+        if isinstance(call, ast.Call)
+        if isinstance(call.func, ast.Name) and call.func.id == "MultiPartException"
+        for text in call.args
+    ]
+    assert len(said) >= 5
+    # Then each has words of its own, and none of it reaches a user
+    assert [text for text in said if in_our_words(text) is None] == []

@@ -78,7 +78,9 @@ def forget_pictures(farm: NoiseFarm, job: Job) -> None:
 
 
 class TestOverHttp:
-    def test_every_point_has_one(self, job: Job, http: httpx.Client) -> None:
+    def test_every_point_has_one(
+        self, job: Job, farm: NoiseFarm, http: httpx.Client, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
         assert [one["spp"] for one in listed] == [25, 50, 75, 100, 125, 150]
         for one in listed:
@@ -96,16 +98,23 @@ class TestOverHttp:
             assert answer.status_code == 404
             assert answer.json()["type"] == "/problems/unknown-point"
             assert "25 spp apart, up to 150" in answer.json()["detail"]
-
-    def test_is_to_the_bit_what_was_judged(
-        self, job: Job, farm: NoiseFarm, http: httpx.Client
-    ) -> None:
+        # It is to the bit what was judged: the job's image at last, and else a kept picture
         root = f"/v1/jobs/{job.id}"
-        # The last point's is the job's image, and a kept picture's is that picture
         kept = farm.store.get(blobs.preview(job.id, 25))
         forget_pictures(farm, job)
         assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
         assert http.get(f"{root}/previews/25.png").content == kept
+        # Where too many wait, more are refused, and films that are too large are left alone
+        with monkeypatch.context() as patch:
+            patch.setattr(point_images, "MOST_WAITING", 0)
+            answer = http.get(f"{root}/previews/100.png")
+            assert (answer.status_code, answer.headers["retry-after"]) == (503, "5")
+            assert answer.json()["type"] == "/problems/busy"
+        monkeypatch.setattr("plateau.service.api.routes.previews.MOST_PIXELS", 32 * 24 - 1)
+        assert http.get(f"{root}/previews").json()["previews"] == []
+        answer = http.get(f"{root}/previews/50.png")
+        assert answer.status_code == 409
+        assert "767 pixels" in answer.json()["detail"]
 
     def test_a_lost_or_spoiled_slice_is_said(
         self, job: Job, farm: NoiseFarm, http: httpx.Client
@@ -123,17 +132,6 @@ class TestOverHttp:
         farm.store.delete(second)
         assert "slice 1 is gone" in refused()
         assert http.get(f"/v1/jobs/{job.id}/previews/25.png").status_code == 200
-
-    def test_films_that_are_too_large_are_left_alone(
-        self, job: Job, farm: NoiseFarm, http: httpx.Client, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        forget_pictures(farm, job)
-        monkeypatch.setattr("plateau.service.api.routes.previews.MOST_PIXELS", 32 * 24 - 1)
-        listed = http.get(f"/v1/jobs/{job.id}/previews").json()["previews"]
-        assert listed == []
-        answer = http.get(f"/v1/jobs/{job.id}/previews/50.png")
-        assert answer.status_code == 409
-        assert "767 pixels" in answer.json()["detail"]
 
 
 class TestItsCost:
@@ -225,20 +223,6 @@ class TestItsCost:
         assert len(refused) == 2
         assert store.read == SLICES  # the first one's sum was everybody's
         images.close()
-
-    def test_they_are_refused_in_words(
-        self,
-        job: Job,
-        farm: NoiseFarm,
-        http: httpx.Client,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        monkeypatch.setattr(point_images, "MOST_WAITING", 0)
-        forget_pictures(farm, job)
-        answer = http.get(f"/v1/jobs/{job.id}/previews/100.png")
-        assert answer.status_code == 503
-        assert answer.json()["type"] == "/problems/busy"
-        assert answer.headers["retry-after"] == "5"
 
     def test_a_slice_of_another_size_is_refused(
         self, store: CountingBlobs, slices: list[KeptSlice]

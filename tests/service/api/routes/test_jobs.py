@@ -262,13 +262,24 @@ class TestCancelling:
             assert answer.json()["state"] == "cancelled"
         assert http.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"
 
-    def test_is_refused_where_the_job_has_ended_otherwise(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        found = problem(http.post(f"/v1/jobs/{job.id}/cancel"), 409, "cannot-cancel")
+
+def test_what_has_ended_is_steered_no_more(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    path = f"/v1/jobs/{job.id}"
+    for call in ("pause", "resume"):
+        queued = problem(http.post(f"{path}/{call}"), 409, f"cannot-{call}")
+        assert queued["state"] == "queued"
+        assert f"job {job.id} is queued; only a" in queued["detail"]
+    job.commit()
+    job.end(JobState.CONVERGED, "levelled off")
+    for answer, slug in (
+        *(
+            (http.post(f"{path}/{call}"), f"cannot-{call}")
+            for call in ("cancel", "pause", "resume")
+        ),
+        (http.patch(path, json={"priority": 1}), "job-ended"),
+    ):
+        found = problem(answer, 409, slug)
         assert found["state"] == "converged"
         assert found["story"][-1].endswith("converged: levelled off")
 
@@ -322,22 +333,6 @@ class TestPausing:
         cancelled = http.post(f"/v1/jobs/{job.id}/cancel").json()
         assert (cancelled["state"], cancelled["paused_at"]) == ("cancelled", None)
 
-    @pytest.mark.parametrize(
-        ("call", "slug"), [("pause", "cannot-pause"), ("resume", "cannot-resume")]
-    )
-    def test_is_refused_before_and_after(
-        self, http: httpx.Client, client: redis.Redis, call: str, slug: str
-    ) -> None:
-        job = StagedJob(client)
-        queued = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
-        assert queued["state"] == "queued"
-        assert f"job {job.id} is queued; only a" in queued["detail"]
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        ended = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
-        assert ended["state"] == "converged"
-        assert ended["story"][-1].endswith("converged: levelled off")
-
 
 class TestChangingThePriority:
     def test_shows_in_the_spec_and_may_be_repeated(
@@ -369,17 +364,6 @@ class TestChangingThePriority:
         found = problem(http.patch(f"/v1/jobs/{job}", json=asked), 422, "invalid-request")
         assert [one["field"] for one in found["errors"]] == [field]
         assert http.get(f"/v1/jobs/{job}").json()["spec"]["priority"] == 0
-
-    def test_is_refused_where_the_job_has_ended(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        answer = http.patch(f"/v1/jobs/{job.id}", json={"priority": 1})
-        found = problem(answer, 409, "job-ended")
-        assert found["state"] == "converged"
-        assert found["story"][-1].endswith("converged: levelled off")
 
     @pytest.mark.parametrize("announced", [True, False])
     def test_reads_no_more_of_a_body_than_it_needs(

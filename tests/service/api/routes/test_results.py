@@ -97,7 +97,7 @@ class TestImages:
         self, http: httpx.Client, client: redis.Redis, api_store: Blobs
     ) -> None:
         job = StagedJob(client)
-        picture = bytes(range(256)) * 40_000  # more than one piece
+        picture = bytes(range(256)) * 17_000  # more than one piece
         names = ("image.png", "image.exr", "difference.png", "noise.png", "quality.png")
         for place, name in enumerate(names):
             job.picture(api_store, name, picture[place:])

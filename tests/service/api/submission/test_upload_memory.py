@@ -3,6 +3,8 @@
 A real API process takes a real zip over HTTP. ``LONG_TESTS=1`` sends 2 GB instead of 150 MB.
 """
 
+import logging
+import tempfile
 import threading
 import zipfile
 from collections.abc import Callable, Iterator
@@ -14,6 +16,7 @@ import psutil
 import pytest
 
 from plateau.farm.blobs import names as blobs
+from plateau.service.api.process import spool_in
 from tests.support import long_tests
 from tests.support.farms.real_farm import RealFarm
 
@@ -110,3 +113,32 @@ def test_a_big_bundle_is_never_in_memory(tmp_path: Path, monkeypatch: pytest.Mon
         assert max(uss, rss) < MOST_GROWTH
         # And others were served meanwhile
         assert waits
+
+
+@pytest.fixture(autouse=True)
+def untouched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.delenv("TMPDIR", raising=False)
+
+
+def test_in_the_folder_that_is_given(tmp_path: Path) -> None:
+    spool_in(tmp_path / "cache" / "uploads")
+    assert Path(tempfile.gettempdir()) == tmp_path / "cache" / "uploads"
+
+
+def test_where_tmpdir_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    spool_in(tmp_path / "uploads")
+    assert Path(tempfile.gettempdir()) == tmp_path
+    assert not (tmp_path / "uploads").exists()
+
+
+def test_elsewhere_where_the_folder_cannot_be_made(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = tempfile.gettempdir()
+    (tmp_path / "file").touch()
+    with caplog.at_level(logging.WARNING):
+        spool_in(tmp_path / "file" / "uploads")
+    assert tempfile.gettempdir() == before
+    assert f"uploads go to {before}" in caplog.text

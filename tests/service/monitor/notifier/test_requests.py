@@ -160,35 +160,44 @@ class TestTheGuard:
             assert requests(receivers).post(url, headers(), BODY).status == 200
 
 
-class TestTls:
-    def test_is_verified_against_the_name_whatever_the_address(self, authority: trustme.CA) -> None:
-        receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
-        with receiving(tls=serving(authority, "hooks.lab")) as receiver:
-            url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
-            assert trusting(authority, receivers).post(url, headers(), BODY).status == 200
-            receiver.received[0].verified()
-
-    def test_of_another_name_is_refused(self, authority: trustme.CA) -> None:
-        receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
-        with receiving(tls=serving(authority, "other.lab")) as receiver:
-            url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
-            with pytest.raises(NoResponse, match="certificate verify failed"):
-                trusting(authority, receivers).post(url, headers(), BODY)
-            assert receiver.received == []
-
-    def test_by_an_unknown_authority_is_refused(self, authority: trustme.CA) -> None:
-        with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
-            with pytest.raises(NoResponse, match="certificate verify failed"):
-                requests().post(receiver.url, headers(), BODY)
-            assert receiver.received == []
-
-    def test_trusts_the_authorities_that_the_environment_names(
-        self, authority: trustme.CA, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+def test_tls_is_verified_against_the_name_whatever_the_address(
+    authority: trustme.CA, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
+    theirs = trusting(authority, receivers)
+    with receiving(tls=serving(authority, "hooks.lab")) as receiver:
+        url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
+        assert theirs.post(url, headers(), BODY).status == 200
+        receiver.received[0].verified()
+    # Another name, and an unknown authority, are refused
+    with receiving(tls=serving(authority, "other.lab")) as receiver:
+        url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
+        with pytest.raises(NoResponse, match="certificate verify failed"):
+            theirs.post(url, headers(), BODY)
+        assert receiver.received == []
+    with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
+        with pytest.raises(NoResponse, match="certificate verify failed"):
+            requests().post(receiver.url, headers(), BODY)
+        assert receiver.received == []
+        # But for one that the environment names
         with authority.cert_pem.tempfile() as bundle:
             monkeypatch.setenv("SSL_CERT_FILE", bundle)
-            with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
-                assert requests().post(receiver.url, headers(), BODY).status == 200
+            assert requests().post(receiver.url, headers(), BODY).status == 200
+
+
+def test_what_never_ends_or_never_begins_is_left() -> None:
+    body = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n" + b"x" * 1_000_000
+    with speaking([body]) as url:
+        assert requests(total_s=NEVER_S).post(url, headers(), BODY).status == 200
+    with speaking([b"HTTP/1.1 500 Oh\r\nContent-Length: 10\r\n\r\n"]) as url:
+        assert requests(total_s=2).post(url, headers(), BODY).status == 500
+    flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
+    with speaking([flood]) as url, pytest.raises(NoResponse):
+        requests(total_s=5).post(url, headers(), BODY)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(NoResponse, match="refused"):
+        requests().post(f"http://127.0.0.1:{port}/", headers(), BODY)
 
 
 class TestTime:
@@ -211,23 +220,3 @@ class TestTime:
         # Nor is it one that is no HTTP
         with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoResponse):
             requests(total_s=2).post(url, headers(), BODY)
-
-    def test_a_body_without_an_end_is_left(self) -> None:
-        endless = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n" + b"x" * 1_000_000
-        with speaking([endless]) as url:
-            assert requests(total_s=NEVER_S).post(url, headers(), BODY).status == 200
-
-    def test_a_body_that_never_comes_delays_and_hides_nothing(self) -> None:
-        with speaking([b"HTTP/1.1 500 Oh\r\nContent-Length: 10\r\n\r\n"]) as url:
-            assert requests(total_s=2).post(url, headers(), BODY).status == 500
-
-    def test_nobody_listens(self) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            port = listener.getsockname()[1]
-        with pytest.raises(NoResponse, match="refused"):
-            requests().post(f"http://127.0.0.1:{port}/", headers(), BODY)
-
-    def test_headers_without_an_end(self) -> None:
-        flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
-        with speaking([flood]) as url, pytest.raises(NoResponse):
-            requests(total_s=5).post(url, headers(), BODY)
