@@ -16,7 +16,7 @@ from plateau.commands.outputs import write_results
 from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.model import input_errors
-from plateau.farm.model.job import Job, utc_now
+from plateau.farm.model.job import utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.states import JobState
@@ -44,8 +44,8 @@ def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> Non
     _print_id(job, as_json=as_json)
     if job.waits_for:
         tell(f"job {job.id} {job.waits_for}")
-    elif place := job_text.place(job):
-        tell(f"job {job.id} has {place}")
+    elif job.time_left:
+        tell(f"job {job.id} has {job.time_left}")
 
 
 def with_notice(spec: JobSpec, told: Sequence[str]) -> JobSpec:
@@ -229,7 +229,7 @@ def _warn_of_waiting(jobs: Sequence[JobView]) -> None:
         tell(f"and {len(jobs) - _WAITING} others wait too")
 
 
-def _row(job: Job) -> tuple[str, ...]:
+def _row(job: JobView) -> tuple[str, ...]:
     left = "–" if job.estimate_fraction is None else figures.percent(job.estimate_fraction)
     return (
         job.id,
@@ -237,11 +237,11 @@ def _row(job: Job) -> tuple[str, ...]:
         f"{job.spp}/{job.spec.max_spp}",
         left,
         figures.duration(job.duration_s(utc_now())),
-        job_text.time_left(job, utc_now()) or "–",
+        job.time_left or "–",
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.owner_name or "–",
         job.spec.batch or "–",
-        job_text.name_with_parameters(job),
+        job.title,
     )
 
 

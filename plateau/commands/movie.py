@@ -16,7 +16,6 @@ from plateau.client import ApiError, Client
 from plateau.commands.batches import in_order
 from plateau.commands.connect import connect
 from plateau.errors import CommandFailed, tell
-from plateau.farm.wire import job_text
 from plateau.farm.wire.views import JobView
 from plateau.files.movie import SUFFIXES, write_movie
 from plateau.files.sequence import frames_of
@@ -71,7 +70,7 @@ class _Pictures:
             if found is None:
                 self.missing.append(frame.id)
                 what = "no picture stands" if last is None else "the picture before stands"
-                tell(f"{job_text.name_with_parameters(frame)} has no image: {what} in for it")
+                tell(f"{frame.title} has no image: {what} in for it")
             last = last if found is None else found
             if last is not None:
                 self.shown += 1
