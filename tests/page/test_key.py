@@ -81,6 +81,8 @@ def test_a_viewer_is_offered_what_it_may(
     job = farm.submit("box")
     visitor = visit("/submit", expected={401, 404})
     page = visitor.page
+    # The page itself needs none
+    expect(page.get_by_role("heading", name="Submit a scene")).to_be_visible()
     give(page, key)
     expect(page.get_by_role("link", name="Submit a scene")).to_be_hidden()
     page.get_by_role("link", name="Jobs", exact=True).click()
@@ -146,8 +148,3 @@ def test_what_is_refused_all_the_same_is_said(visit: Visit, farm: NoiseFarm, key
     page.get_by_role("button", name="Cancel", exact=True).click()
     page.get_by_role("button", name="Cancel the job").click()
     expect(page.get_by_role("alert")).to_contain_text("role submitter")
-
-
-def test_the_page_itself_needs_none(visit: Visit) -> None:
-    visitor = visit("/submit", expected={401})
-    expect(visitor.page.get_by_role("heading", name="Submit a scene")).to_be_visible()

@@ -46,6 +46,16 @@ def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[s
     expect(page.get_by_text("No job matches")).to_be_visible()
     page.get_by_role("link", name="Show all jobs").click()
     expect(names(page)).to_have_count(3)
+    # So are filters
+    page.get_by_role("combobox", name="State").select_option("cancelled")
+    expect(page).to_have_url(re.compile(r"\?state=cancelled$"))
+    expect(page.get_by_text("No job matches")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("combobox", name="State")).to_have_value("cancelled")
+    page.get_by_role("combobox", name="State").select_option("")
+    page.get_by_role("combobox", name="Batch").select_option("dusk")
+    expect(page).to_have_url(re.compile(r"\?batch=dusk$"))
+    expect(names(page)).to_have_text(["frame-10"])
 
 
 def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) -> None:

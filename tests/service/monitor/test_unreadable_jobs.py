@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import httpx
 import pytest
@@ -18,11 +17,6 @@ from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
-
-
-@pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    return NoiseFarm(client, redis_url, tmp_path)
 
 
 def evict(client: redis.Redis, job: Job) -> None:

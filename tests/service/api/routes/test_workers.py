@@ -1,24 +1,20 @@
 """Steering workers over HTTP."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.api_keys import KeyLimits
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
-from plateau.service.api.access.key_guard import Access
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
-from tests.support.farms.live_api import live_api
 
 LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
 
@@ -175,26 +171,10 @@ def test_a_job_waits_for_others(http: httpx.Client) -> None:
     )
 
 
-def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:
-    for number in range(MOST_NEEDS + 1):
-        scene = {"scene": ("a.xml", SCENE_XML)}
-        answer = http.post("/v1/jobs", files=scene, data={"spec": f'{{"pool": "p{number}"}}'})
-    problem(answer, 409, "too-many-needs")
-
-
-class TestWithKeys:
-    @pytest.fixture
-    def url(self, redis_url: str, api_store: Blobs) -> Iterator[str]:
-        with live_api(redis_url, api_store, access=Access.KEYS) as url:
-            yield url
-
-    @pytest.mark.parametrize(
-        ("role", "status"), [(Role.VIEWER, 403), (Role.SUBMITTER, 403), (Role.ADMIN, 202)]
+def test_a_need_too_many_is_a_problem(http: httpx.Client, client: redis.Redis) -> None:
+    for number in range(MOST_NEEDS):
+        Jobs(client).create(JobSpec(pool=f"p{number}"), name="box", scene_sha256="00")
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    problem(
+        http.post("/v1/jobs", files=scene, data={"spec": '{"pool": "p"}'}), 409, "too-many-needs"
     )
-    def test_it_takes_an_admin(
-        self, client: redis.Redis, url: str, worker: str, role: Role, status: int
-    ) -> None:
-        _, key = ApiKeys(client).create("page", role, LIMITS)
-        headers = {"Authorization": f"Bearer {key}"}
-        answer = httpx.post(f"{url}/v1/workers/{worker}/drain", headers=headers, trust_env=False)
-        assert answer.status_code == status
