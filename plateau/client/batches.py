@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from plateau.client.errors import TimedOut
-from plateau.client.jobs import refusing, submitted
 from plateau.client.short_ids import with_whole_ids
+from plateau.client.submission import refusing, submitted
 from plateau.client.transport import Calls
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.farm.wire.batch_views import (

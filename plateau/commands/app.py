@@ -10,8 +10,7 @@ from typing import Annotated, Any, Final, TypeVar, cast
 import typer
 import typer.core
 
-from plateau.errors import EXPECTED, OtherVersion, needs, tell
-from plateau.exit_codes import ExitCode
+from plateau.errors import EXPECTED, ExitCode, OtherVersion, needs, tell
 
 _HELP = """
 Render Mitsuba 3 scenes until more samples make no difference that a person could see.

@@ -16,8 +16,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.printing import print_json
-from plateau.errors import CommandFailed, needs
-from plateau.exit_codes import ExitCode
+from plateau.errors import CommandFailed, ExitCode, needs
 
 if TYPE_CHECKING:
     from plateau.farm.model.renderers import RendererFacts

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plateau.client.jobs import spec_of
+from plateau.client.submission import spec_of
 from plateau.errors import PlateauError
 from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec

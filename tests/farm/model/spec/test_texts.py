@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from plateau.client import InvalidSpec
-from plateau.client.jobs import spec_of
+from plateau.client.submission import spec_of
 from plateau.farm.model.spec import PLACES, BatchSpec, JobSpec
 from plateau.service.api.problems.problem import Problem
 from plateau.service.api.submission.submitted_spec import submitted_spec
