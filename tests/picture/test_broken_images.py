@@ -17,7 +17,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire import job_text
 from plateau.farm.wire.views import job_view
 from tests.support.farms.live_api import live_api
-from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.long_tests import rare
 from tests.support.until import until
 
@@ -169,16 +169,3 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         assert "Magenta: pixels that are NaN" in report
         answer = http.get(http.get(path).json()["links"]["non_finite_png"])
         assert answer.content == farm.picture(job, "non-finite.png")
-
-
-def test_an_image_without_such_pixels_has_no_such_picture(farm: NoiseFarm, redis_url: str) -> None:
-    job = farm.submit(**QUICK, rule={"name": "fixed", "spp": 20})
-    with farm.monitor():
-        done = farm.finish(job)
-    assert done.state is JobState.CONVERGED
-    assert "broken" not in job_text.summary(job_view(done), utc_now())
-    with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
-        answer = http.get(f"/v1/jobs/{job.id}/non-finite.png")
-    assert answer.status_code == 404
-    assert "no pixel is NaN or infinite" in answer.json()["detail"]
-    assert SIZE == (24, 32)

@@ -230,16 +230,6 @@ def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(
     assert not asked[-1].is_draft
 
 
-def test_a_single_slice_is_delivered_as_it_is(farm: NoiseFarm) -> None:
-    job = farm.submit(**NEVER)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.get(job.id).image_spp == 10)
-        farm.jobs.cancel(job.id)
-        until(lambda: farm.is_finished(job))
-    assert "denoised.weight" not in layers(farm, farm.jobs.get(job.id))
-
-
 def test_a_process_that_is_killed_is_asked_again(farm: NoiseFarm) -> None:
     alone = finished(farm, **JOB)
     with killed(2) as victims:

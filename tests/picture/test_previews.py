@@ -3,13 +3,11 @@
 import hashlib
 import io
 from itertools import pairwise
-from pathlib import Path
 from typing import ClassVar
 
 import httpx
 import numpy as np
 import pytest
-import redis
 from PIL import Image
 
 from plateau.farm.blobs import names as blobs
@@ -131,26 +129,6 @@ class TestAThumbnail:
         assert (abs(middle.astype(int) - 156) <= 1).all()  # the code of 1/3; of the codes it is 85
 
 
-def test_the_first_slice_is_shown_long_before_the_first_point(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    farm = NoiseFarm(client, redis_url, tmp_path)
-    job = farm.submit(step=100, slice_spp=10, max_spp=1000)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.results(job.id), 60)
-        assert blobs.spp_of_set(farm.jobs.results(job.id)) == 10
-        assert Image.open(io.BytesIO(farm.picture(job, "image.png"))).size == (32, 24)
-        # The first point has its own, and that of the slice is gone
-        farm.render(9)
-        until(lambda: blobs.spp_of_set(farm.jobs.results(job.id)) == 100, 60)
-        until(lambda: len(sets_of(farm, job.id)) == 1, 60)
-        # It was none of the pictures that are kept of the job's way
-        assert kept(farm.store, job.id) == [100]
-        farm.jobs.cancel(job.id)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
-
-
 class TestAGlimpse:
     """The first pass of the first slice, which may take minutes."""
 
@@ -173,6 +151,8 @@ class TestAGlimpse:
             farm.commit(lease)
             until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
             until(lambda: len(sets_of(farm, job.id)) == 1, 60)
+            # Only pictures of points are kept of the job's way
+            assert kept(farm.store, job.id) == []
             farm.jobs.cancel(job.id)
             until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
         assert farm.jobs.get(job.id).image_spp == 10

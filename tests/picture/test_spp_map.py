@@ -20,8 +20,6 @@ from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 
-FRAME = {**JOB, "allocation": {"name": "frame"}, "max_spp": 80}
-
 
 @pytest.fixture
 def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
@@ -76,18 +74,3 @@ def test_users_have_it_beside_the_image_and_read_its_ends(
     assert "zones" not in job_text.point_line(job, points[1])
     assert ends in report
     assert "zones with few samples" in report
-
-
-def test_a_job_by_frame_has_none_and_says_why(
-    farm: NoiseFarm, redis_url: str, tmp_path: Path
-) -> None:
-    done = finished(farm, **FRAME)
-    with live_api(redis_url, farm.store) as url, Client(url) as client:
-        write_results(client, client.job(done.id), tmp_path / "out")
-        answer = httpx.get(f"{url}/v1/jobs/{done.id}/spp.png")
-    assert not (tmp_path / "out" / "spp.png").exists()
-    assert "zones:" not in (tmp_path / "out" / "summary.txt").read_text()
-    assert answer.status_code == 404
-    assert answer.json()["detail"].endswith(
-        "is allocated by frame: all its pixels have the same samples"
-    )

@@ -125,18 +125,6 @@ def test_what_is_not_changed_is_as_it_was(
     assert spec == first["spec"]
 
 
-def test_a_higher_cap_keeps_the_samples(visit: Visit, farm: NoiseFarm, url: str) -> None:
-    job = rendered(farm, url)
-    page = visit(f"/jobs/{job['id']}", expected={422}).page
-    page.get_by_role("link", name="Again…").click()
-    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
-    page.get_by_label("At most").fill("100")
-    page.get_by_role("button", name="Render it").click()
-    expect(page.get_by_text("It keeps 50 spp of an earlier job.")).to_be_visible()
-    new = farm.jobs.get(page.url.rpartition("/")[2])
-    assert (new.again.of, new.again.kept_spp, new.spec.max_spp) == (job["id"], 50, 100)
-
-
 def test_kept_slices_are_judged_again_under_another_view(
     visit: Visit, farm: NoiseFarm, url: str
 ) -> None:

@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 
 from plateau.commands import app
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.commands.sweeps import Forget
+from plateau.farm.redis.scripts import Scripts
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -150,30 +152,14 @@ class TestWhatCanBeDone:
         expect(row(page, job_id)).to_contain_text("cancelled")
         assert farm.jobs.get(job_id).state is JobState.CANCELLED
 
-    @pytest.mark.long
-    def test_what_the_service_refuses_is_shown_in_its_words(
-        self, visit: Visit, farm: NoiseFarm, job_id: str
-    ) -> None:
-        visitor = visit(expected={409})
-        row(visitor.page, job_id).get_by_role("button", name="Actions for box").click()
-        farm.jobs.cancel(job_id)
-        visitor.page.get_by_role("button", name="Pause").click()
-        alert = visitor.page.get_by_role("alert")
-        expect(alert).to_contain_text("only a job that is rendering")
-        # And there is time to read it, though the next looks go well
-        for _ in range(2):
-            visitor.page.wait_for_event("response", lambda answer: "/v1/jobs?" in answer.url)
-        expect(alert).to_contain_text("only a job that is rendering")
-
 
 def test_two_hundred_jobs_fetch_only_what_is_in_sight(visit: Visit, farm: NoiseFarm) -> None:
     done = farm.submit("first", **QUICK)
     with farm.monitor():
         farm.render(8)
         until(lambda: farm.is_finished(done))
-    for number in range(199):
-        farm.submit(f"job-{number}")
-    visitor = visit("/submit")
+    queued = [farm.submit(f"job-{number}") for number in range(199)]
+    visitor = visit("/submit", expected={404})
     asked: list[str] = []
 
     def note(request: Request) -> None:
@@ -190,3 +176,12 @@ def test_two_hundred_jobs_fetch_only_what_is_in_sight(visit: Visit, farm: NoiseF
     assert not [url for url in asked if done.id in url]
     row(visitor.page, done.id).scroll_into_view_if_needed()
     expect(row(visitor.page, done.id).locator("img")).to_be_visible()
+    # And rows far down are not forgotten: one is cancelled, and one goes when its job is forgotten
+    farm.jobs.cancel(queued[0].id)
+    expect(row(visitor.page, queued[0].id)).to_contain_text("cancelled")
+    assert Scripts(farm.client).run(Forget(job=done.id, finished_for_ms=0)) == "forgotten"
+    expect(row(visitor.page, done.id)).to_have_count(0)
+    # A new one comes on top
+    new = farm.submit("new")
+    expect(rows.first).to_have_attribute("data-job", new.id)
+    expect(rows).to_have_count(200)

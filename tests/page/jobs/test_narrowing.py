@@ -75,13 +75,3 @@ def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) ->
     page.go_back()
     expect(order).to_have_value("priority")
     expect(names(page)).to_have_text(["frame-9", "frame-10"])
-
-
-def test_a_search_reaches_jobs_that_are_not_shown_yet(visit: Visit, farm: NoiseFarm) -> None:
-    farm.submit("needle")
-    for number in range(60):
-        farm.submit(f"straw-{number}")
-    page = visit().page
-    expect(names(page)).to_have_count(50)
-    page.get_by_role("searchbox", name="Search the jobs").fill("needle")
-    expect(names(page)).to_have_text(["needle"])

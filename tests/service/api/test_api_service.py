@@ -11,9 +11,7 @@ import httpx
 import pytest
 import redis
 
-from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.service.api.problems import catalogue as problems
@@ -57,20 +55,6 @@ def test_a_taken_port_is_said_to_be(session_api: str) -> None:
 
 
 class TestWithoutRedis:
-    def test_it_answers_503_and_lives(self, tmp_path: Path) -> None:
-        with (
-            live_api(f"unix://{tmp_path}/none.sock", Blobs(str(tmp_path))) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-        ):
-            for path in ("/v1/jobs", "/v1/jobs/0123456789ab", "/readyz", "/v1/workers"):
-                answer = http.get(path)
-                assert (
-                    "Redis cannot be reached" in problem(answer, 503, "store-unavailable")["detail"]
-                )
-                assert int(answer.headers["retry-after"]) > 0
-            problem(submit(http), 503, "store-unavailable")
-            assert http.get("/healthz").status_code == 200
-
     def test_a_stream_of_events_survives_its_restart(self, tmp_path: Path) -> None:
         # Given a service and someone who watches a job
         before = EmbeddedRedis(tmp_path / "redis")
@@ -143,32 +127,3 @@ def test_an_upload_that_is_cut_off_is_answered(redis_url: str, store: Blobs) -> 
     assert head.startswith("HTTP/1.1 503 ")
     assert "retry-after: " in head.lower()
     assert json.loads(body)["detail"].startswith("the API stops; try again")
-
-
-def test_who_watches_goes_on_at_the_next_api(
-    redis_url: str, client: redis.Redis, store: Blobs
-) -> None:
-    # Given one who watches a job, over APIs that come and go at one address
-    job = StagedJob(client)
-    with live_api(redis_url, store) as url:
-        port = int(url.rpartition(":")[2])
-        heard: list[str] = []
-
-        def watch() -> None:
-            with Client(url, patience_s=60) as plateau:
-                heard.extend(event.id for event in plateau.events(job.id))
-
-        watcher = threading.Thread(target=watch)
-        watcher.start()
-        job.commit(4)
-        job.point(100, 50)
-    for spp in (200, 300):
-        with live_api(redis_url, store, port=port):
-            job.commit(4)
-            job.point(spp, 40)
-    with live_api(redis_url, store, port=port):
-        job.end()
-        job.finish()
-        watcher.join(60)
-    # Then each event came once
-    assert heard == [event.id for event in Jobs(client).events(job.id)]

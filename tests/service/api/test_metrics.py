@@ -17,13 +17,11 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.totals import note_sweep, take_census
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
-from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.monitor import sweeper
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
-from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 ROOT = Path(__file__).parents[3]
@@ -201,24 +199,6 @@ class TestOutages:
             LATENCY,
             "plateau_http_event_streams",
         }
-
-    @pytest.mark.long
-    def test_of_redis_that_keeps_silent_cost_seconds(
-        self,
-        embedded_redis: EmbeddedRedis,
-        redis_url: str,
-        store: Blobs,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        # The API itself has to lose patience
-        monkeypatch.setattr("plateau.farm.redis.link.SOCKET_TIMEOUT_S", 600)
-        socket = Path(redis_url.removeprefix("unix://").partition("?")[0])
-        with RedisProxy(socket) as proxy, _api(proxy.url, store) as http:
-            assert Scrape(http).value("plateau_up", part="redis") == 1
-            proxy.fail("silent")
-            assert Scrape(http).value("plateau_up", part="redis") == 0
-            proxy.heal()
-            until(lambda: Scrape(http).value("plateau_up", part="redis") == 1, every_s=0.2)
 
     def test_of_the_blob_store_are_told(self, redis_url: str, tmp_path: Path) -> None:
         folder = tmp_path / "blobs"

@@ -145,17 +145,6 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     assert farm.jobs.get(patient.id).state is JobState.QUEUED
 
 
-def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        work(farm, job, until_points=2)
-        assert farm.jobs.cancel(job.id).state is JobState.CANCELLED
-        until(lambda: farm.jobs.get(job.id).finished_at is not None)
-    assert farm.jobs.get(job.id).spp >= 40
-    assert farm.picture(job, "image.exr")
-    assert farm.lease() is None
-
-
 def test_a_job_keeps_its_slices_where_asked(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:

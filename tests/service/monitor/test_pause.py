@@ -203,16 +203,3 @@ def test_the_time_limit_stands_still_meanwhile(farm: NoiseFarm) -> None:
     assert done.ended_at is not None
     assert done.paused_s >= 3.9
     assert (done.ended_at - done.started_at).total_seconds() - done.paused_s >= 3
-
-
-def test_a_paused_job_that_is_cancelled_keeps_its_samples(farm: NoiseFarm) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        held = work_up_to(farm, 4)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        farm.jobs.cancel(job.id)
-        until(lambda: farm.is_finished(job))
-    done = farm.jobs.get(job.id)
-    assert (done.state, done.spp) == (JobState.CANCELLED, 50)
-    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)

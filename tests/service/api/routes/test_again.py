@@ -193,25 +193,6 @@ def test_sums_that_are_lost_meanwhile_cost_time_only(farm: NoiseFarm, harm: str)
     assert curve(farm, done) == curve(farm, undisturbed)[:5]
 
 
-def test_a_job_is_kept_as_long_as_one_goes_on_with_it(farm: NoiseFarm, client: redis.Redis) -> None:
-    with farm.monitor():
-        first = work(farm, farm.submit(**QUICK, keep_slices=True))
-        second = work(farm, go_on(farm, first, rule={"name": "fixed", "spp": 120}))
-    # Given that both are old enough to be forgotten, but the second not quite
-    old = client.time()[0] * 1000 - 8 * 86_400_000
-    client.hset(keys.job(first.id), "finished_at", old)
-    for dry_run in (True, False):
-        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
-        assert sweep(client, farm.store, **week).jobs == 0
-    assert all(farm.store.exists(one["blob"]) for one in farm.jobs.ledger(second.id).values())
-    # When the second is too, both go at once
-    client.hset(keys.job(second.id), "finished_at", old)
-    for dry_run in (True, False):
-        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
-        assert sweep(client, farm.store, **week).jobs == 2
-    assert farm.store.names(blobs.JOBS) == []
-
-
 def test_sums_stay_for_a_job_that_still_stands_on_them(
     farm: NoiseFarm, client: redis.Redis
 ) -> None:

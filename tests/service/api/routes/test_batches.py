@@ -1,6 +1,5 @@
 """Batches over HTTP: many jobs by one request, summed up, steered."""
 
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.spec import BatchSpec, JobSpec
+from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.batch_views import batch_path
 from tests.service.api.routes.test_jobs import problem, submit
@@ -62,18 +61,6 @@ class TestAListOfParameters:
         assert first.startswith("walk.v2-")
         assert first != second
         assert listed(http, batch=first)[0]["spec"]["batch"] == first
-
-    def test_is_made_once_for_a_key(self, http: httpx.Client) -> None:
-        key = {"Idempotency-Key": "frames-1"}
-        first = submit(http, WIDE, frames(16, 17), headers=key)
-        again = submit(http, WIDE, frames(16, 17), headers=key)
-        assert "idempotency-replayed" not in first.headers
-        assert again.headers["idempotency-replayed"] == "true"
-        assert again.status_code == 201
-        assert again.json()["job_ids"] == first.json()["job_ids"]
-        assert again.headers["location"] == first.headers["location"]
-        assert len(listed(http)) == 2
-        problem(submit(http, WIDE, frames(16), headers=key), 422, "idempotency-key-reused")
 
     @pytest.mark.parametrize(
         ("widths", "slug", "field"),
@@ -283,28 +270,6 @@ class TestSteering:
                     },
                 ],
             }
-
-    def test_holds_back_what_has_not_begun(self, http: httpx.Client) -> None:
-        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
-        http.post(batch["links"]["pause"])
-        assert http.get(batch["links"]["self"]).json()["held"] == 2
-        held = http.get(f"/v1/jobs/{batch['job_ids'][0]}").json()
-        assert (held["state"], held["held"]) == ("queued", True)
-        # One of them may begin alone
-        answer = http.post(f"{held['links']['resume']}")
-        assert (answer.status_code, answer.json()["held"]) == (202, False)
-        assert http.get(batch["links"]["self"]).json()["held"] == 1
-        http.post(batch["links"]["resume"])
-        assert http.get(batch["links"]["self"]).json()["held"] == 0
-
-
-def test_a_thousand_jobs_are_summed_up_in_a_moment(http: httpx.Client, client: redis.Redis) -> None:
-    spec = JobSpec(batch="long")
-    Jobs(client).create_all([spec] * 1000, name="box.xml", scene_sha256="0" * 64)
-    found = http.get("/v1/batches/long")
-    assert found.json()["states"] == {"queued": 1000}
-    assert len(json.dumps(found.json())) < 30_000
-    assert http.post("/v1/batches/long/cancel").json()["done"] == 1000
 
 
 FRAMES = 150

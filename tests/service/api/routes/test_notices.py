@@ -11,7 +11,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
 from plateau.service.notices.targets import Targets
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.live_api import live_api
@@ -135,20 +134,6 @@ def test_a_job_that_goes_on_tells_nobody_whom_a_new_one_may_not(
     found = http.post(path, json={"notice": {"url": "https://127.0.0.1/", "secret": SECRET}})
     problem(found, 422, "invalid-spec")
     assert http.post(path, json={"notice": {"url": URL, "secret": SECRET}}).status_code == 201
-
-
-def test_a_job_shows_what_became_of_its_notice(http: httpx.Client, client: redis.Redis) -> None:
-    job = StagedJob(client, notice={"url": URL, "secret": SECRET})
-    job.end(JobState.CANCELLED, "not needed")
-    job.finish()
-    path, outbox = f"/v1/jobs/{job.id}", Outbox(client)
-    taken = outbox.take(30)
-    assert taken is not None
-    outbox.settle(taken, "given-up", "the receiver answered 410")
-    [shown] = http.get(path).json()["notices"]
-    assert shown.pop("at") > http.get(path).json()["finished_at"]
-    words = "the receiver answered 410"
-    assert shown == {"to": "https://studio.example:443", "state": "given-up", "error": words}
 
 
 def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(

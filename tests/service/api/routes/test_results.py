@@ -13,7 +13,6 @@ from plateau.client.watching import parse_events
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
@@ -246,15 +245,3 @@ def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, job: StagedJob
     problem(http.get(f"/v1/jobs/{job.id}/slices/x/log"), 422, "invalid-request")
     huge = f"/v1/jobs/{job.id}/slices/{10**30}/log"
     problem(http.get(huge), 404, "unknown-slice")
-
-
-def test_an_unfit_worker_is_told_apart(
-    http: httpx.Client, job: StagedJob, client: redis.Redis
-) -> None:
-    job.plan()
-    unfit = SliceQueue(client, "worker-2", lease_s=60)
-    held = unfit.lease(("scalar_rgb",), None, in_turn=False)
-    assert held is not None
-    unfit.hand_back(held, cause="no LLVM", unfit=True)
-    (entry,) = http.get(f"/v1/jobs/{job.id}/slices/2/log").json()["entries"]
-    assert (entry["what"], entry["worker"], entry["cause"]) == ("unfit", "worker-2", "no LLVM")
