@@ -45,7 +45,7 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
-        variant = variant_for(spec.variant, found.renderer)
+        variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     settings = read_settings()

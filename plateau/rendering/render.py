@@ -5,8 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plateau.client.jobs import spec_of
+from plateau.client.submission import spec_of
 from plateau.errors import PlateauError
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.out_folder import make_ready
@@ -101,7 +102,7 @@ def render(
     >>> result.save("box.exr")  # doctest: +SKIP
     """
     asked = spec_of(spec, fields)
-    folder = None if out is None else Path(out)
+    folder = None if out is None else at_home(out)
     if folder is not None:
         make_ready(folder)
 

@@ -26,7 +26,7 @@ from tests.service.monitor.test_channels import header
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
 from tests.support.farms.noise_farm import NoiseFarm
-from tests.support.images.looks import srgb_look
+from tests.support.images.view_transforms import srgb_transform
 from tests.support.long_tests import rare
 from tests.support.until import until
 
@@ -126,7 +126,7 @@ def test_a_scene_with_a_look_is_judged_and_shown_through_it(
 ) -> None:
     plain = finished(farm, **{**JOB, "rule": {"name": "fixed", "spp": 40}})
     # Given a scene that hides what is bright: it makes it white
-    farm.look = srgb_look(gain=16)
+    farm.transform = srgb_transform(gain=16)
     job = finished(farm, **{**JOB, "rule": {"name": "fixed", "spp": 40}})
     # Then the denoiser has the image as rendered, which is delivered
     assert asked[-1].gain == 16
@@ -138,7 +138,7 @@ def test_a_scene_with_a_look_is_judged_and_shown_through_it(
     np.testing.assert_array_equal(colour(there, "raw."), colour(layers(farm, plain), "raw."))
     # And its picture is what the scene's look makes of it
     picture = decode_png(farm.picture(job, "image.png")).colour * 255
-    assert np.abs(picture - encode_srgb(farm.look.seen(found))).max() <= 1
+    assert np.abs(picture - encode_srgb(farm.transform.seen(found))).max() <= 1
     assert (picture == 255).mean() > 0.5
     # In which hardly anything is left to see
     left, before = (farm.jobs.curve(one.id)[-1].estimate_pixels for one in (job, plain))

@@ -14,7 +14,7 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.process import CannotListen, listen
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.live_api import live_api

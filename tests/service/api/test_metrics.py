@@ -130,7 +130,7 @@ def test_a_sweep_leaves_its_time(
     http: httpx.Client, redis_url: str, store: Blobs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert Scrape(http).value("plateau_last_sweep_timestamp_seconds") is None
-    monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
+    monkeypatch.setattr(sweeper, "_POLL_S", 0.05)
     with sweeper.sweeping(Settings(redis_url=redis_url, blobs=store.where), store):
         at = until(lambda: Scrape(http).value("plateau_last_sweep_timestamp_seconds"))
     assert abs(at - time.time()) < 60

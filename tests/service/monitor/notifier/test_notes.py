@@ -47,7 +47,7 @@ def notifying(redis_url: str, notes: Notes) -> Iterator[None]:
         notes,
         lease_s=30.0,
         delay_s=lambda *_: 0.05,
-        look_s=0.05,
+        poll_s=0.05,
     )
     thread = threading.Thread(target=notifier.run)
     thread.start()
@@ -163,7 +163,7 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
         with notifying(redis_url, Notes(targets)):
             job = ended(client, "ops")
             until(lambda: delivered(client, job), 60)
-    assert "`plateau notify ops` on this machine says why; try 2 follows" in caplog.text
+    assert "`plateau doctor --notify ops` on this machine says why; try 2 follows" in caplog.text
     told = json.loads(receiver.received[1].body)
     assert told["title"] == "box converged"
     assert PATH in receiver.received[1].path

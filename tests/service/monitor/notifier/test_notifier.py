@@ -61,7 +61,7 @@ class Farm:
             Notes(),
             lease_s=30.0,
             delay_s=lambda _tries, asked_s: max(0.05, asked_s),
-            look_s=0.05,
+            poll_s=0.05,
         )
         thread = threading.Thread(target=notifier.run)
         thread.start()
