@@ -2,7 +2,8 @@
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -22,8 +23,9 @@ from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.batch_views import BatchSteered, BatchView
 from plateau.farm.wire.views import JobView
 from plateau.files.frames import Values, each, from_file
+from plateau.files.held import held
 from plateau.files.job_folder import frame, require_free_for_batch
-from plateau.files.out_folder import make, make_writable
+from plateau.files.out_folder import make, make_writable, ready
 from plateau.files.out_pattern import OutPattern
 from plateau.terminal.batch_progress import batch_progress_on, in_states
 from plateau.terminal.tables import print_rows
@@ -62,8 +64,8 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
     The results of each job are written when it finishes, into a folder named by its place in the
     batch; its image alone, where `out` is a pattern.
     """
-    with connect(url) as client:
-        fetch = None if out is None else _fetching(client, name, out)
+    with connect(url) as client, ExitStack() as stack:
+        fetch = None if out is None else stack.enter_context(_fetching(client, name, out))
         try:
             batch = _follow(client, name, fetch)
         except KeyboardInterrupt:
@@ -86,15 +88,23 @@ def _exit_code(batch: BatchView) -> ExitCode:
     return ExitCode.MISSED if JobState.EXHAUSTED in batch.states else ExitCode.OK
 
 
-def _fetching(client: Client, name: str, out: Path) -> _Fetch:
-    """Return what writes the results of a job; raises `CommandFailed` where it could not."""
+@contextmanager
+def _fetching(client: Client, name: str, out: Path) -> Iterator[_Fetch]:
+    """Have what writes the results of a job; raises `CommandFailed` where it could not."""
     if OutPattern.is_one(str(out)):
         pattern = OutPattern(str(out))
-        pattern.files(in_order(client, client.batch(name)))  # refused before anything is rendered
-        return partial(_write_images, client, pattern)
+        files = pattern.files(in_order(client, client.batch(name))).values()
+        with ExitStack() as stack:
+            # Who writes the same files has the same first and last one.
+            for path in {*sorted(files)[:1], *sorted(files)[-1:]}:
+                make(path.parent)
+                stack.enter_context(held(path.with_name(f"{path.name}.batch")))
+            yield partial(_write_images, client, pattern)
+        return
     make_writable(out)
-    require_free_for_batch(out, client.batch(name).job_ids)
-    return partial(_write_folders, client, out)
+    with held(out):
+        require_free_for_batch(out, client.batch(name).job_ids)
+        yield partial(_write_folders, client, out)
 
 
 def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
@@ -130,7 +140,8 @@ def _write_folders(
     for place in places:
         folder = frame(out, place, jobs[place].id)
         if not (folder / "summary.json").exists():  # the last file of a job
-            write_results(client, jobs[place], folder)
+            with ready(folder):
+                write_results(client, jobs[place], folder)
 
 
 def _write_images(

@@ -3,7 +3,8 @@
 import contextlib
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from plateau.farm.images.exr import (
 )
 from plateau.farm.wire import figures
 from plateau.files.independence import Independence
+from plateau.files.job_folder import whole
 from plateau.metric import (
     Evidence,
     Half,
@@ -49,6 +51,13 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
         shown = View(**view)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
+    with _written(out) as unfinished:
+        _denoise(images, out, unfinished, shown, as_json=as_json)
+
+
+def _denoise(
+    images: Sequence[Path], out: Path, unfinished: Path, shown: View, *, as_json: bool
+) -> None:
     read = [_read(path) for path in images]
     sizes = {one.colour.shape[:2] for one in read}
     if len(sizes) > 1:
@@ -67,7 +76,8 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
-    _write(out, found, mean)
+    content = encode_layers(layers_of(found.blend, mean), {"plateau:denoiser": found.denoiser})
+    unfinished.write_bytes(content)
     left = _noise_left(found, shown)
     if as_json:
         about = {"denoiser": found.denoiser, "guides": bool(guides)}
@@ -109,10 +119,11 @@ def _read(path: Path) -> _Image:
         raise CommandFailed(f"{path}: {' '.join(str(error).split())}") from error
 
 
-def _write(out: Path, found: Denoised, mean: Pixels) -> None:
-    content = encode_layers(layers_of(found.blend, mean), {"plateau:denoiser": found.denoiser})
+@contextmanager
+def _written(out: Path) -> Iterator[Path]:
     try:
-        out.write_bytes(content)
+        with whole(out) as unfinished:
+            yield unfinished
     except OSError as error:
         raise CommandFailed(f"{out}: {error.strerror or error}") from error
 

@@ -3,11 +3,13 @@
 import json
 import re
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from plateau.exit_codes import ExitCode
 from plateau.files.image_diff import CannotCompare, compare_files
+from plateau.files.job_folder import whole
 from plateau.metric import View
 from plateau.metric.display import SeenFrom
 
@@ -44,22 +46,24 @@ def diff(
         for option, file in (("--map", map_file), ("--heat", heat)):
             if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
                 raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
-        comparison = compare_files(
-            reference,
-            test,
-            shown,
-            gamma=gamma,
-            layer=layer,
-            seen_from=seen_from,
-            jod=jod or heat is not None,
-        )
+        with ExitStack() as stack:
+            files = [file and stack.enter_context(whole(file)) for file in (map_file, heat)]
+            comparison = compare_files(
+                reference,
+                test,
+                shown,
+                gamma=gamma,
+                layer=layer,
+                seen_from=seen_from,
+                jod=jod or heat is not None,
+            )
+            if files[0] is not None:
+                comparison.write_map(files[0])
+            if files[1] is not None:
+                comparison.write_heat(files[1])
     except CannotCompare as error:
         print(f"plateau: {error}", file=sys.stderr)
         return ExitCode.USAGE
-    if map_file is not None:
-        comparison.write_map(map_file)
-    if heat is not None:
-        comparison.write_heat(heat)
     print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
     return ExitCode.OK
 

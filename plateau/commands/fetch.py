@@ -9,7 +9,7 @@ from rich.console import Console
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
 from plateau.farm.wire import job_text
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.terminal.curve import job_curve
 
 
@@ -40,8 +40,8 @@ def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:
     """Write the results of a job so far into a folder."""
     with connect(url) as client:
         job = client.job(client.whole_id(job_id))
-        make_ready(out)
-        about = write_results(client, job, out)
+        with ready(out):
+            about = write_results(client, job, out)
     if as_json:
         print(json.dumps(about, indent=2))
         return

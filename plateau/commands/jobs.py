@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.views import JobView
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.terminal.progress import progress_on
 from plateau.terminal.story import log_lines, story
 from plateau.terminal.tables import print_rows
@@ -77,11 +78,11 @@ def watch(
 ) -> int:
     """Follow a job to its end; returns the exit code."""
     shown = progress_on(Console(stderr=True), curve=curve)
-    with connect(url) as client:
+    with connect(url) as client, ExitStack() as stack:
         job_id = client.whole_id(job_id)
         if out is not None:
             client.job(job_id)  # make no folder for an unknown job
-            make_ready(out)
+            stack.enter_context(ready(out))
         try:
             job = follow(client, job_id, shown, lambda: None)
         except KeyboardInterrupt:

@@ -9,19 +9,28 @@ from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.curve_svg import curve_svg
 from plateau.farm.wire.report import STYLE
+from plateau.files.held import held
 from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
-from plateau.files.job_folder import owner
+from plateau.files.job_folder import owner, write_set
 from plateau.files.out_folder import make
 
 
 def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as_json: bool) -> int:
     """Judge the folder, print the stops and write the curve to `out`; returns the exit code."""
-    if out is not None:
-        make(out)
+    if out is None:
+        return _judge(folder, spec, None, cumulative=cumulative, as_json=as_json)
+    make(out)
+    with held(out):
         if (job := owner(out)) is not None:
             raise CommandFailed(
                 f"{out} has the results and the curve of job {job}: give another folder with -o"
             )
+        return _judge(folder, spec, out, cumulative=cumulative, as_json=as_json)
+
+
+def _judge(
+    folder: Path, spec: JobSpec, out: Path | None, *, cumulative: bool, as_json: bool
+) -> int:
     image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
     series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
     try:
@@ -29,7 +38,7 @@ def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as
     except BrokenSeries as broken:
         if out is None:
             raise CannotJudge(f"{broken}; -o DIR writes non-finite.png there") from None
-        (out / "non-finite.png").write_bytes(broken.picture)
+        write_set(out, {"non-finite.png": broken.picture})
         raise
     if out is not None:
         _write(judged, spec, out)
@@ -47,6 +56,7 @@ def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as
 
 
 def _write(judged: Judged, spec: JobSpec, out: Path) -> None:
-    (out / "curve.csv").write_text(curve_csv(judged.points))
     pixels = judged.width * judged.height
-    (out / "curve.svg").write_text(curve_svg(spec, pixels, judged.points, style=STYLE))
+    drawn = curve_svg(spec, pixels, judged.points, style=STYLE)
+    files = {"curve.csv": curve_csv(judged.points), "curve.svg": drawn}
+    write_set(out, {name: text.encode() for name, text in files.items()})

@@ -10,7 +10,7 @@ from plateau.errors import tell
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.processes.interrupts import Interrupts
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ def render(
 ) -> int:
     """Render the scene until its job has ended, and write its results; returns the exit code."""
     settings = checked_settings(scene, spec)
-    make_ready(out)
 
     def progress(_: "Client") -> "Progress":
         from rich.console import Console
@@ -46,7 +45,7 @@ def render(
         # The tree stops while the curve is drawn: nothing more is asked of it.
         return write_or_keep(client, job, out, when_fetched=when_fetched)
 
-    with Interrupts() as interrupts:
+    with ready(out), Interrupts() as interrupts:
         try:
             job, about = render_alone(
                 scene,
