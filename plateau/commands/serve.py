@@ -61,7 +61,7 @@ def api(door: Door, *, ready_fd: int | None) -> None:
             _LOG.info("the API listens at %s", url)
             _LOG.info(who_may)
             if ready_fd is not None:
-                with os.fdopen(ready_fd, "w") as pipe:
+                with os.fdopen(ready_fd, "w", encoding="utf-8") as pipe:
                     pipe.write(f"{url}\n")
             standing.start()
 

@@ -203,7 +203,7 @@ class Tree:
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
-        self._api_pipe = os.fdopen(reads)
+        self._api_pipe = os.fdopen(reads, encoding="utf-8")
         try:
             api.start(
                 passed=(writes,), more=("--port", str(self.door.port), "--ready-fd", str(writes))

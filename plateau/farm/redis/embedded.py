@@ -193,7 +193,7 @@ class EmbeddedRedis:
 
     def last_words(self) -> str:
         """The end of its log."""
-        return self._log.read_text(errors="replace")[-500:] if self._log.exists() else ""
+        return self._log.read_text("utf-8", "replace")[-500:] if self._log.exists() else ""
 
     def stop(self) -> None:
         """Stop the server; its data stays."""
