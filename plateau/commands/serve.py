@@ -14,6 +14,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.url import without_password
 from plateau.processes.data_folder import DataFolder
+from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.process import run_until_signal, when_checked
 from plateau.processes.read_settings import farm_settings
@@ -28,7 +29,9 @@ _TICK_S: Final = 0.2
 def up(door: Door, *, workers: int) -> int:
     """Run the whole service until a signal; returns the exit code."""
     settings = farm_settings()
-    with Interrupts() as interrupts, DataFolder(settings.data) as data:
+    alone = settings.redis_url is None
+    check_ground(settings, caches=workers > 0, has_redis=alone, data=settings.data)
+    with DataFolder(settings.data) as data, Interrupts() as interrupts:
         try:
             with Tree(
                 settings, data, interrupts, workers=workers, door=door, tell=tell, most_deaths=None

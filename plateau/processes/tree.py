@@ -187,7 +187,7 @@ class Tree:
     def _await_redis(self) -> None:
         if self._redis is None:
             return
-        self._redis.await_ready()
+        self._redis.await_ready(self.interrupts.asked.is_set)
         from plateau.farm.ledger.schema import check_schema
         from plateau.farm.redis.link import connect
 
