@@ -41,13 +41,15 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     BundleError
         The scene cannot be packed or is not allowed.
     CommandFailed
-        This machine lacks the variant, or folders or open files.
+        This machine lacks the variant, or folders or open files; a rule cannot judge the image.
     """
     settings = read_settings()
     check_ground(settings, caches=True, has_redis=True)
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
+        if found.width and found.height:
+            spec.require_size(found.width, found.height)
         variant = variant_for(spec.variant, found.renderer)
     except ValueError as error:
         raise CommandFailed(str(error)) from error

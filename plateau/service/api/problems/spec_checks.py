@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
+from plateau.farm.model.spec.shared import FilmTooSmall
 from plateau.farm.model.spec.shot import LEAST_SIDE
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
 from plateau.farm.process.notify_targets import Targets, UnknownTarget
@@ -64,6 +65,14 @@ def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> 
         variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
         spec.seed_schedule(variant, width, height)
     except SeedsExhausted as error:
+        raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
+
+
+def check_size(spec: SharedSpec, width: int, height: int, field: str = "spec") -> None:
+    """Refuse a job with a rule that cannot judge so small an image."""
+    try:
+        spec.require_size(width, height)
+    except FilmTooSmall as error:
         raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
 
 

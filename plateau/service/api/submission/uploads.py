@@ -8,7 +8,7 @@ import hashlib
 import os
 import re
 import secrets
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, BinaryIO, Final
@@ -37,6 +37,7 @@ from plateau.service.api.problems.problem import CLIENT_GONE, Problem
 from plateau.service.api.problems.spec_checks import (
     check_film_sizes,
     check_seeds,
+    check_size,
     invalid_field,
     with_notice,
 )
@@ -238,9 +239,18 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         idempotency_key=asked.idempotency_key,
         digest=digest,
         owner=owner,
-        notes=asked.notes,
+        notes=(*asked.notes, *_which_sensor(asked.spec, scene.summary.sensors)),
         again=asked.again,
     )
+
+
+def _which_sensor(spec: JobSpec | BatchSpec, sensors: int) -> Iterator[str]:
+    """The note on a choice that nobody made."""
+    if sensors > 1 and spec.sensor == 0:
+        yield (
+            f"the scene has {sensors} sensors, and the first is rendered, sensor 0: `sensor` "
+            f"(--sensor) chooses another, up to {sensors - 1}"
+        )
 
 
 def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
@@ -277,8 +287,11 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
     fields = iter(entries)
     for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
         one = entry.model_copy(update={"variant": variant})
+        field = next(fields) or "spec"
         # Where the size is not known, the seeds do not depend on it.
-        check_seeds(one, width or 1, height or 1, next(fields) or "spec")
+        check_seeds(one, width or 1, height or 1, field)
+        if width and height:
+            check_size(one, width, height, field)
     if found.error is not None:
         raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
