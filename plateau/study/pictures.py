@@ -12,6 +12,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
+from plateau.files.independence import Independence, NotIndependent
 from plateau.metric import encode_srgb
 from plateau.service.api.points import KeptSlice
 from plateau.service.judging.films import checked_partial
@@ -51,6 +52,23 @@ def put_pictures(
         place = study_reference(study_id)
         digests[place] = _put(store, place, merge, job)
     return digests
+
+
+def are_independent(
+    store: Blobs, job: Job, slices: list[KeptSlice], other: Job, reference: list[KeptSlice]
+) -> bool:
+    """Whether two jobs have samples of their own, as their seeds and their first slices tell."""
+    if other.spec.seed == job.spec.seed:
+        return False
+    found = Independence()
+    try:
+        with _ONE_AT_A_TIME:
+            for one, kept in ((job, slices), (other, reference)):
+                merge = next(_merges(store, kept[:1], Merge.of(one.spec)))
+                found.add(one.id, merge.image(), one.id)
+    except NotIndependent:
+        return False
+    return True
 
 
 def _merges(store: Blobs, slices: list[KeptSlice], merge: Merge) -> Iterator[Merge]:

@@ -196,6 +196,11 @@ def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
             {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
             "distinct seeds",
         ),
+        (
+            SCENE.format(integrator="path"),
+            {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
+            "the rule jod judges images of 4×4 pixels or more, and this one has 3×3",
+        ),
         ("<scene version='3.0.0'><nonsense/></scene>", {}, "nonsense"),
         ("no scene at all", {}, "neither a Mitsuba XML nor"),
     ],
