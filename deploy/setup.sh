@@ -88,6 +88,6 @@ if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   find_llvm
   find_chromium
   say "compiling the metric (some 10 s, once)"
-  .venv/bin/python -c 'from plateau.service.judging.judge import warm_up; warm_up()'
+  .venv/bin/python -c 'from plateau.picture.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from
 fi

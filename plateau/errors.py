@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from plateau.farm.bundle import BundleError
 from plateau.farm.model.errors import FarmError
 
 
@@ -66,4 +65,4 @@ def needs(extra: str) -> Iterator[None]:
 
 
 #: Errors whose message is all that a user needs.
-EXPECTED: Final = (BundleError, FarmError, OSError, PlateauError)
+EXPECTED: Final = (FarmError, OSError, PlateauError)

@@ -12,8 +12,8 @@ from typing import Any, Final
 import typer
 import typer.main
 
-from plateau.cli import app, meet_extensions, rule_options
-from plateau.cli.options import spec_from_options
+from plateau.commands import app, meet_extensions
+from plateau.commands.options import rule_options, spec_from_options
 
 meet_extensions()
 

@@ -8,7 +8,7 @@ import pytest
 import typer.main
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.process.settings import Settings
 from plateau.service.api.problems.problem import TYPES, ProblemType
 from tests import cli_manual

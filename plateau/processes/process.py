@@ -17,7 +17,7 @@ from plateau.farm.process import log
 from plateau.farm.process.lifecycle import forget_life, shut_memory
 from plateau.farm.process.scratch import remove_left
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
 from plateau.processes.ground import check_ground
 from plateau.processes.read_settings import farm_settings

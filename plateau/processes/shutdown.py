@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Final
 
 from plateau.exit_codes import ExitCode
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 
 _LOG = logging.getLogger("plateau")
 

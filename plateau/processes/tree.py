@@ -11,9 +11,9 @@ from typing import Final, TextIO
 
 from plateau.errors import PlateauError
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.lifecycle import shut_memory
 from plateau.farm.process.settings import Settings
+from plateau.farm.process.waits import Backoff
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts

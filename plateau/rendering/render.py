@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plateau.client.jobs import spec_of
-from plateau.commands.outputs import write_or_keep
 from plateau.errors import PlateauError
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.out_folder import ready
 from plateau.files.scene_at_hand import SceneAtHand, scene_file
 from plateau.processes.interrupts import Interrupts
+from plateau.rendering.outputs import write_or_keep
 from plateau.rendering.result import Result
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def _here(
     shown: Callable[["Client"], "Progress"],
     fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
 ) -> Result:
-    from plateau.commands.own_farm import checked_settings, render_alone
+    from plateau.rendering.own_farm import checked_settings, render_alone
 
     settings = checked_settings(file, spec)
     _, result = render_alone(
@@ -164,8 +164,8 @@ def _there(
     fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
 ) -> Result:
     from plateau.client import Client
-    from plateau.commands.follow import cancelling, follow
     from plateau.processes.read_settings import api_key, read_settings
+    from plateau.rendering.follow import cancelling, follow
 
     with Client(farm, key=key or api_key(read_settings())) as client:
         job = client.submit(file, spec)

@@ -114,7 +114,7 @@ class Result:
             with whole(path) as unfinished:
                 unfinished.write_bytes(content)
         else:
-            from plateau.commands.outputs import write_results
+            from plateau.rendering.outputs import write_results
 
             with ready(path):
                 write_results(_Kept(self), self.job, path)

@@ -2,7 +2,7 @@
 
 It uses options that Slurm has had for ten years, and no JSON output, whose format depends on the
 version. Slurm itself stores which tasks are ours, by name, user and comment. So a restarted scaler
-finds them again, and the next look finds the tasks of an sbatch whose answer was lost.
+finds them again, and the next snapshot finds the tasks of an sbatch whose answer was lost.
 """
 
 import getpass

@@ -12,11 +12,11 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
-from plateau.files.independence import Independence, NotIndependent
 from plateau.metric import encode_srgb
+from plateau.picture.films import checked_partial
+from plateau.picture.independence import Independence, NotIndependent
+from plateau.picture.merge import Merge
 from plateau.service.api.points import KeptSlice
-from plateau.service.judging.films import checked_partial
-from plateau.service.judging.merge import Merge
 from plateau.study.ledger import study_level, study_reference
 from plateau.study.model import CannotStudy
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
+from plateau.farm.ledger.workers import Workers
 from tests.support.farms.faulty_farm import SPEC
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -74,7 +75,7 @@ def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: O
     # Others come; nothing happens to the job until it is resumed
     farm.start("monitor")
     farm.start("worker")
-    until(lambda: len(farm.jobs.workers(1.0)) == 1)
+    until(lambda: len(Workers(farm.redis_client).living(1.0)) == 1)
     assert farm.client.job(job).committed_spp == before.committed_spp
     farm.client.resume(job)
     assert_same(outcome(farm, job), undisturbed)

@@ -12,7 +12,7 @@ import time
 from redis.exceptions import RedisError
 
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect, connect_to_renew, now_ms, unavailable_as_farm_error
 from plateau.farm.redis.wake import Wake
 from plateau.service.api.events.hub import EventHub

@@ -12,7 +12,8 @@ import pytest
 import redis
 import trustme
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server

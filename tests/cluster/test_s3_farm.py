@@ -11,6 +11,7 @@ import pytest
 
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
+from plateau.farm.ledger.workers import Workers
 from tests.cluster.support_s3 import BUCKET, KEY, SECRET, Network, S3Server
 from tests.support.farms.faulty_farm import SPEC, FaultyFarm
 from tests.support.farms.real_farm import BOX
@@ -138,7 +139,7 @@ def test_a_worker_whose_store_is_silent_stops_in_time(
         assert leaves.wait(60) == 0
         assert time.monotonic() - asked < STOPS_WITHIN_S
         farm.processes.remove(leaves)
-        until(lambda: len(farm.jobs.workers()) == 2)
+        until(lambda: len(Workers(farm.redis_client).living()) == 2)
     finally:
         farm.network.silent = False
     assert_same(outcome(farm, job), undisturbed)

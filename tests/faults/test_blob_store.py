@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from tests.support.farms.every_time import EVERY_TIME
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -122,7 +122,7 @@ def test_blobs_that_are_spoiled_at_rest(
     farm.start("worker")
     job = submit()
     victim = farm.start_armed(
-        "monitor", "plateau.service.judging.merge:Merge.add_partial", time=13, constants=EVERY_TIME
+        "monitor", "plateau.picture.merge:Merge.add_partial", time=13, constants=EVERY_TIME
     )
     farm.wait_until_ended(victim, signal.SIGKILL)
     prefix = {"partials": blobs.partials(job), "checkpoints": blobs.checkpoints(job)}[what]

@@ -21,7 +21,7 @@ import psutil
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.job import Job
@@ -29,7 +29,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.sweep import sweep
-from plateau.service.judging.previews import MOST as MOST_PREVIEWS
+from plateau.picture.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.real_farm import BOX, RealFarm

@@ -30,7 +30,7 @@ _STAGES = {
 _SOON = {
     "plateau.farm.process.hang:HUNG_S": 1.0,
     "plateau.worker.supervisor.health:ANSWERS_S": 2.0,
-    "plateau.worker.supervisor.child_process:GONE_S": 1.0,
+    "plateau.farm.process.child:GONE_S": 1.0,
     "plateau.worker.supervisor.supervisor:_SIT_OUT_S": [0.5, 1.0],
 }
 

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from tests.support.farms.every_time import EVERY_TIME
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, check_job, outcome
@@ -37,8 +37,8 @@ WORKER_STAGES = {
 
 #: When a monitor is hit. Its checkpoints are made at every point of the curve.
 MONITOR_STAGES = {
-    "in mid-merge": ("plateau.service.judging.merge:Merge.add_partial", "before", 9),
-    "in mid-evaluation": ("plateau.service.judging.judge:Judge.judge", "before", 3),
+    "in mid-merge": ("plateau.picture.merge:Merge.add_partial", "before", 9),
+    "in mid-evaluation": ("plateau.picture.judge:Judge.judge", "before", 3),
     "between judgement and point": (f"{_OWN}.append_point", "before", 4),
     "as the point is there": (f"{_OWN}.append_point", "after", 4),
     "in mid-checkpoint": (f"{_OWN}.save_checkpoint", "before", 3),

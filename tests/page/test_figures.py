@@ -8,7 +8,7 @@ import redis
 from playwright.sync_api import Page, expect
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire import figures

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
@@ -131,7 +131,7 @@ def test_channels_of_the_image_and_what_is_behind_it(
 
 
 def test_the_form_has_every_aov_and_every_way_to_write_them(form: Page) -> None:
-    fieldset = form.get_by_role("group", name="Beside colour, image.exr has", include_hidden=True)
+    fieldset = form.get_by_role("group", name="Besides colour, image.exr has", include_hidden=True)
     shown = fieldset.locator("input").evaluate_all("all => all.map(one => one.value)")
     assert tuple(shown) == AOV_NAMES
     for name, field in ExrSpec.model_fields.items():
@@ -203,38 +203,6 @@ class TestPresets:
         expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
         rule = farm.jobs.get(form.url.rpartition("/")[2]).spec.rule
         assert rule.model_dump() == {"name": "visible", "target": 0.01, "min_spp": 32}
-
-    @pytest.mark.long
-    def test_say_what_they_take_of_this_scene(
-        self, form: Page, farm: NoiseFarm, scene: Path
-    ) -> None:
-        choose(form, scene)
-        draft, final, limit = form.locator(".presets .takes").all()
-        with farm.monitor():
-            form.get_by_role("button", name="Render 10 s of it").click()
-            farm.work(lambda: draft.inner_text() and limit.inner_text())
-        told = [int(re.sub(r"\D", "", one.inner_text().split("spp")[0])) for one in (draft, final)]
-        assert 32 <= told[0] <= told[1]
-        assert told[1] >= 200  # the rule's own least
-        for one in (draft, final, limit):
-            expect(one).to_have_text(re.compile(r"about [\d,]+ spp, .*(s|min|h)|no estimate"))
-        # The probe has left nothing behind
-        expect(form.get_by_role("button", name="Render 10 s of it")).to_be_visible()
-        left, _ = farm.jobs.search(limit=50)
-        assert left == []
-        # What was told of other parameters is forgotten
-        form.get_by_label("width", exact=True).fill("64")
-        form.get_by_label("width", exact=True).blur()
-        expect(draft).to_have_text("")
-
-    def test_a_probe_is_stopped(self, form: Page, farm: NoiseFarm, scene: Path) -> None:
-        choose(form, scene)
-        with form.expect_response(lambda answer: answer.request.method == "DELETE"):
-            with form.expect_response(lambda answer: answer.request.method == "POST"):
-                form.get_by_role("button", name="Render 10 s of it").click()
-            form.get_by_role("button", name="Stop the probe").click()
-        left, _ = farm.jobs.search(limit=50)
-        assert left == []
 
 
 def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:

@@ -11,7 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO, BinaryIO, cast
+from typing import IO, BinaryIO, Final, cast
 
 from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
 from plateau.farm.bundle.placed import LIST_NAME, MOST_LIST_BYTES, Placed, in_root
@@ -287,3 +287,21 @@ def _check_contents(info: zipfile.ZipInfo, name: str, limits: BundleLimits) -> N
             f"a ratio of {limits.max_ratio:g} is allowed",
             file=name,
         )
+
+
+#: The first time that a zip can express; any fixed time would do.
+_TIMESTAMP: Final = (1980, 1, 1, 0, 0, 0)
+_FILE_ATTRIBUTES: Final = 0o100644 << 16
+_FOLDER_ATTRIBUTES: Final = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
+_UNIX: Final = 3
+
+
+def zip_entry(name: str) -> zipfile.ZipInfo:
+    """Return an entry for writing: of a file, or of a folder where the name ends with a slash.
+
+    It has no times and no owners, so that a zip has the same bytes whenever it is written.
+    """
+    info = zipfile.ZipInfo(name, date_time=_TIMESTAMP)
+    info.create_system = _UNIX
+    info.external_attr = _FOLDER_ATTRIBUTES if name.endswith("/") else _FILE_ATTRIBUTES
+    return info

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from plateau.farm.model.errors import FarmError
+
 MIB = 2**20
 GIB = 2**30
 _MAX_SHOWN = 100
@@ -107,7 +109,7 @@ def brief(path: str) -> str:
     return path if len(path) <= _MAX_SHOWN else f"…{path[-_MAX_SHOWN:]}"
 
 
-class BundleError(ValueError):
+class BundleError(FarmError, ValueError):
     """An upload is refused.
 
     Parameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.bundle.limits import BundleError, shown
-from plateau.farm.bundle.tree import EscapeError, Kind, Parts, Tree, find
+from plateau.farm.bundle.tree import EntryKind, EscapeError, Parts, Tree, find
 from plateau.farm.bundle.xml import XmlBudget
 
 Role = Literal["include", "file", "folder"]
@@ -63,7 +63,7 @@ class References:
                 line=line,
             ) from None
         self._budget.spend("lookups", found.lookups + len(folders), file, line)
-        expected: Kind = "folder" if role == "folder" else "file"
+        expected: EntryKind = "folder" if role == "folder" else "file"
         if found.path is None or found.kind != expected:
             problem = f"is not a {expected}" if found.kind else self._tree.remedy
             raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)

@@ -8,7 +8,7 @@ from typing import IO, Literal, Protocol
 from plateau.farm.bundle.placed import Placed
 
 Parts = tuple[str, ...]
-Kind = Literal["file", "folder"]
+EntryKind = Literal["file", "folder"]
 
 #: The kernel finds nothing by a longer name (PATH_MAX).
 _MAX_PATH_CHARACTERS = 4096
@@ -23,7 +23,7 @@ class Tree(Protocol):
     #: what a file outside is outside of and what to do, likewise
     outside: str
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         """Return what lies at a path, or None where nothing does."""
 
     def open(self, path: Parts) -> AbstractContextManager[IO[bytes]]:
@@ -54,7 +54,7 @@ class Bundle:
         named = self.placed.files if self.placed else {}
         return {path: size for path, size in self.files.items() if self.label(path) not in named}
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         """Return what lies at a path, or None where nothing does."""
         return "file" if path in self.files else "folder" if path in self.folders else None
 
@@ -73,7 +73,7 @@ class Found:
 
     #: the file or folder; None where there is nothing
     path: Parts | None
-    kind: Kind | None
+    kind: EntryKind | None
     #: every folder on the way, on the way of failed candidates too
     visited: frozenset[Parts]
     lookups: int

@@ -23,7 +23,7 @@ from plateau.farm.model.slices.zones import Zone
 
 # A render child, which cannot open the rules that specs know, reads films too.
 if TYPE_CHECKING:
-    from plateau.farm.model.spec.exr import Compression
+    from plateau.farm.model.spec.parts import Compression
 
 Pixels = NDArray[np.float32]
 #: The attributes of a file's header, by name.

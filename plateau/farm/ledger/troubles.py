@@ -6,12 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.totals import take_census
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.fit import Crew, waits_for
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
+from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 
 #: How many jobs without a worker are looked at.
@@ -34,8 +38,8 @@ class Trouble:
 
 def of_farm(client: RedisClient) -> list[Trouble]:
     """What all monitors see: jobs without a worker, and workers that fail."""
-    jobs = Jobs(client)
-    return [*_unserved(jobs), *_workers(jobs)]
+    workers = Workers(client).living()
+    return [*_unserved(client, Crew(workers)), *_failing(workers)]
 
 
 def of_store(store: Blobs) -> list[Trouble]:
@@ -50,11 +54,11 @@ def of_store(store: Blobs) -> list[Trouble]:
     return []
 
 
-def _unserved(jobs: Jobs) -> list[Trouble]:
-    crew = Crew(jobs.workers())
+def _unserved(client: RedisClient, crew: Crew) -> list[Trouble]:
+    jobs = Jobs(client)
     waiting: dict[str, Trouble] = {}
     counted: Counter[str] = Counter()
-    for job_id in jobs.census().unserved[:_LOOKED_AT]:
+    for job_id in take_census(client).unserved[:_LOOKED_AT]:
         job = jobs.get(job_id)
         words = waits_for(job, crew)
         if words is not None:
@@ -70,10 +74,10 @@ def _unserved(jobs: Jobs) -> list[Trouble]:
     ]
 
 
-def _workers(jobs: Jobs) -> list[Trouble]:
+def _failing(workers: list[Worker]) -> list[Trouble]:
     """Those that take no work, or fail again and again; one a machine."""
     found = {}
-    for worker in jobs.workers():
+    for worker in workers:
         words = f"takes no work: {worker.trouble}" if worker.trouble else None
         if words is None and worker.failures >= _MANY:
             words = f"failed {worker.failures} times in a row, at last so: {worker.last_error}"

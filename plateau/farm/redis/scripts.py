@@ -25,7 +25,7 @@ from plateau.farm.model.errors import Incompatible, NotPermitted, StoreUnavailab
 from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.command import Answer, Command
+from plateau.farm.redis.commands.command import Command, Reply
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
@@ -134,7 +134,7 @@ class Scripts:
         self._text = text(more)
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
-    def run(self, command: Command[Answer]) -> Answer:
+    def run(self, command: Command[Reply]) -> Reply:
         """Run the command and return its answer.
 
         Raises
@@ -151,9 +151,9 @@ class Scripts:
             except redis.exceptions.NoScriptError:
                 self._load()
                 text = self._redis.evalsha(*self._said(command))
-        return command.read_answer(text)
+        return command.read_reply(text)
 
-    def run_each(self, commands: Sequence[Command[Answer]]) -> list[Answer]:
+    def run_each(self, commands: Sequence[Command[Reply]]) -> list[Reply]:
         """Run the commands in one round trip and return their answers; raises as `run` does.
 
         Other clients' commands may run between them.
@@ -164,7 +164,7 @@ class Scripts:
             for command in commands:
                 pipe.evalsha(*self._said(command))
             texts: list[str] = pipe.execute()
-        return [command.read_answer(text) for command, text in zip(commands, texts, strict=True)]
+        return [command.read_reply(text) for command, text in zip(commands, texts, strict=True)]
 
     def _said(self, command: Command[Any]) -> tuple[str, int, str, str]:
         return self._sha1, 0, command.lua_name(), command.as_json()

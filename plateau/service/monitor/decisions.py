@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from plateau.farm.model.states import JobState
-from plateau.service.monitor.known import Answer, Known, Ledger
+from plateau.service.monitor.known import Known, Ledger, RuleAnswer
 from plateau.service.monitor.steps import (
     AbandonJob,
     ConcludeJob,
@@ -76,7 +76,7 @@ def _plan(known: Known) -> Step:
     return PlanSlices(known.stop, known.ahead.expected_end_spp(known.spp))
 
 
-def _answer(known: Known) -> Answer:
+def _answer(known: Known) -> RuleAnswer:
     assert known.answer is not None
     return known.answer
 

@@ -21,11 +21,11 @@ from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec.shared import FilmTooSmall
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.hang import HANGS, Hang
+from plateau.farm.process.child import HANGS
+from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop, await_any
+from plateau.farm.process.waits import Backoff, Stop, await_any
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake

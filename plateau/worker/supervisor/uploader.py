@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
@@ -18,8 +18,8 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import Hang
+from plateau.farm.process.waits import Backoff
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film
 

@@ -6,7 +6,7 @@ import pytest
 from plateau.farm.images.exr import Partial, decode_partial, encode_partial
 from plateau.farm.images.look import SIZE, Look
 from plateau.metric import encode_srgb
-from plateau.service.judging.merge import Merge
+from plateau.picture.merge import Merge
 from tests.support.images.looks import srgb_look
 
 
@@ -59,7 +59,7 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
     np.testing.assert_array_equal(merge.image(), look.seen(image))
     halves = merge.halves()
     assert halves is not None
-    np.testing.assert_array_equal(halves[1][0], look.seen(image))
+    np.testing.assert_array_equal(halves[1].mean, look.seen(image))
     np.testing.assert_array_equal(merge.layers()["G"], image[..., 1])
     # A checkpoint has it
     restored = Merge(slice_spp=1)

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from plateau.farm.model.spec import JobSpec, ViewSpec
+from plateau.farm.model.spec.parts import LEAST_SIDE, ShotSpec
 from plateau.farm.model.spec.rule_specs import SPECS
-from plateau.farm.model.spec.shot import LEAST_SIDE, ShotSpec
 from plateau.metric import View
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.cvvdp.video import LEAST_FPS, MOST_FPS

@@ -7,8 +7,8 @@ from playwright.sync_api import Locator, Page, expect
 from plateau.farm.images.exr import Pixels, decode_partial
 from plateau.farm.model.job import Job
 from plateau.metric import encode_srgb
-from plateau.service.judging.merge import Merge
-from plateau.service.judging.previews import kept
+from plateau.picture.merge import Merge
+from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.page.job.test_job import SPEC, is_shown
 from tests.page.test_access import violations

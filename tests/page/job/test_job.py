@@ -12,13 +12,13 @@ import redis
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.metric import encode_srgb
 from plateau.metric.zones import zone_edges
-from plateau.service.judging.previews import kept
+from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Locator, Page, Request, expect
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm

@@ -13,8 +13,8 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
 from plateau.client import BadId, Client
+from plateau.commands import app
 from plateau.commands.farm import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue

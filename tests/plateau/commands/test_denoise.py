@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.images.exr import decode_layers, encode_layers
 
 SIZE = (48, 64)

@@ -7,7 +7,7 @@ import pytest
 import redis
 import typer.testing
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys

@@ -11,15 +11,15 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
 from plateau.client import Client
-from plateau.commands.outputs import write_results
+from plateau.commands import app
 from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import FixedSpec
 from plateau.farm.model.states import JobState
+from plateau.rendering.outputs import write_results
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob

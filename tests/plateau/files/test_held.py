@@ -18,7 +18,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.files.held import Held, held
 from plateau.files.job_folder import whole, write_set
 from plateau.rendering.result import Result
-from tests.plateau.cli.test_cli import plateau as command
+from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
 
 HOLDS = (

@@ -10,9 +10,9 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from plateau.farm.redis.url import is_loopback
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.process import CannotListen, listen
 from tests.service.api.routes.test_jobs import problem, submit

@@ -15,7 +15,7 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.ledger.totals import note_sweep, take_census
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
@@ -121,11 +121,11 @@ def test_the_monitors_tell_of_merges_and_evaluations(
     with farm.monitor() as monitor:
         farm.finish(job)
         until(
-            lambda: farm.jobs.census().monitors,
+            lambda: take_census(farm.client).monitors,
             complaint=lambda: f"{monitor.id} was never heard of",
         )
     # A monitor that stops reports all that it did
-    census = farm.jobs.census()
+    census = take_census(farm.client)
     assert census.merges.buckets[-1][1] == 4
     assert census.evaluations.buckets[-1][1] == farm.jobs.get(job.id).points == 2
     assert census.evaluations.sum_s > 0

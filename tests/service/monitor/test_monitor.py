@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import CurvePoint, Job

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState

@@ -5,7 +5,8 @@ import logging
 import pytest
 import redis
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.service.monitor import sweeper

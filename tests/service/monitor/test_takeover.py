@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job

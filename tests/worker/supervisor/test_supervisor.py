@@ -18,19 +18,20 @@ import psutil
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.schema import check_schema
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.kinds import Kinds
@@ -144,8 +145,8 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     job, _ = bench.job(slices=3, seed=2)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
-        until(lambda: bench.jobs.workers()[0].slices_done == 3)
-        assert bench.jobs.workers()[0].id == worker.id
+        until(lambda: Workers(bench.client).living()[0].slices_done == 3)
+        assert Workers(bench.client).living()[0].id == worker.id
     # The ledger has each slice, its seeds as the schedule has them, and who did it
     schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
     for index, record in bench.jobs.ledger(job.id).items():
@@ -164,7 +165,7 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     (note,) = now.notes
     assert note.startswith("the scene's 'multijitter' sampler was replaced by 'independent': ")
     # It has signed off, and its child is gone
-    assert bench.jobs.workers() == []
+    assert Workers(bench.client).living() == []
     assert not render_children()
 
 
@@ -251,8 +252,10 @@ def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench)
     )
     job, _ = bench.job(slices=2)
     with bench.worker(broken) as worker:
-        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].trouble is not None)
-        (about,) = bench.jobs.workers()
+        until(
+            lambda: (seen := Workers(bench.client).living()) != [] and seen[0].trouble is not None
+        )
+        (about,) = Workers(bench.client).living()
         assert "llvm_ad_rgb renders nothing here" in str(about.trouble)
         assert about.job is None
         # Then it takes no more work, its slice counts no try, and another worker does the job
@@ -280,7 +283,7 @@ def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
     job, _ = bench.job(slices=1)
     with bench.worker(nothing):
         # Then it says so to the farm, and to the probe of its readiness
-        until(lambda: [one.trouble for one in bench.jobs.workers()] == [why])
+        until(lambda: [one.trouble for one in Workers(bench.client).living()] == [why])
         until(lambda: alive.exists() and alive.read_text() == why)
         assert bench.jobs.log(job.id) == []
         # And renders as soon as it can
@@ -303,8 +306,8 @@ def test_a_worker_whose_bits_are_not_those_of_the_day_before_takes_no_slice(
     job, _ = bench.job(slices=1)
     with bench.worker():
         # Then it says so, and its slice counts no try
-        until(lambda: any(one.trouble for one in bench.jobs.workers()))
-        (about,) = bench.jobs.workers()
+        until(lambda: any(one.trouble for one in Workers(bench.client).living()))
+        (about,) = Workers(bench.client).living()
         assert "scalar_rgb renders other bits of a known image" in str(about.trouble)
         until(lambda: bench.jobs.log(job.id) != [])
         assert bench.jobs.log(job.id)[0].what == "unfit"
@@ -320,14 +323,18 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(
     scene.unlink()
     scene.symlink_to(scene)  # which cannot be read, by root neither
     with bench.worker():
-        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].last_error is not None)
+        until(
+            lambda: (
+                (seen := Workers(bench.client).living()) != [] and seen[0].last_error is not None
+            )
+        )
         assert bench.jobs.get(job.id).state is not JobState.FAILED
         # Readable again in one step: a try in between would find no scene, and fail the job
         (tmp_path / "scene").write_bytes(content)
         (tmp_path / "scene").replace(scene)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         # What troubled it is over with the next slice that it renders
-        until(lambda: bench.jobs.workers()[0].last_error is None)
+        until(lambda: Workers(bench.client).living()[0].last_error is None)
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 
@@ -435,13 +442,13 @@ def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None
     worker = Supervisor(bench.settings, scalar(), bench.store, Stop())
     thread = threading.Thread(target=worker.run)
     thread.start()
-    until(lambda: bench.jobs.workers() != [])
-    assert bench.jobs.workers()[0].label == "slurm:7_1"
+    until(lambda: Workers(bench.client).living() != [])
+    assert Workers(bench.client).living()[0].label == "slurm:7_1"
     # It has done what there was before, and signs off
     thread.join(60)
     assert not thread.is_alive()
     assert len(bench.jobs.ledger(job.id)) == 3
-    assert bench.jobs.workers() == []
+    assert Workers(bench.client).living() == []
 
 
 def test_a_redis_that_is_away_for_a_while_costs_nothing(

@@ -7,8 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.seeds import JOB_SEEDS, SeedSchedule
 from plateau.farm.model.spec import texts
+from plateau.farm.model.spec.parts import LEAST_FRAMES
 from plateau.farm.model.spec.shared import SharedSpec
-from plateau.farm.model.spec.shot import LEAST_FRAMES
 
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000

@@ -11,13 +11,18 @@ from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import texts
-from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
-from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
-from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.notice import NoticeSpec
+from plateau.farm.model.spec.parts import (
+    AllocationSpec,
+    DenoiseSpec,
+    ExrSpec,
+    FrameAllocation,
+    NoDenoising,
+    OidnDenoising,
+    ShotSpec,
+)
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
-from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
 from plateau.rules import MOST_SPP
 

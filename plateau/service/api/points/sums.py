@@ -13,9 +13,9 @@ from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
 from plateau.farm.images.look import Look
 from plateau.farm.model.errors import CorruptPartial
+from plateau.picture.films import checked_partial
+from plateau.picture.merge import Merge
 from plateau.service.api.points import KeptSlice, SliceLost
-from plateau.service.judging.films import checked_partial
-from plateau.service.judging.merge import Merge
 
 #: The most bytes of sums that are kept; the newest sum always is.
 _REMEMBERED: Final = 128 << 20

@@ -7,10 +7,11 @@ from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
+from plateau.picture import previews
 from plateau.service.api.http.etags import FINAL, IfNoneMatch, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
@@ -27,7 +28,6 @@ from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem, documented
 from plateau.service.api.routes.jobs import JobId
-from plateau.service.judging import previews
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
@@ -161,7 +161,7 @@ def _png(job: Job, spp: int) -> "Encode":
     def encoded(image: "Pixels", look_of: "Callable[[], Look | None]") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
-        from plateau.service.judging.facts import identity, png_texts
+        from plateau.picture.facts import identity, png_texts
 
         exposure_ev = job.spec.view.exposure_ev
         look = look_of()

@@ -19,11 +19,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import TryEnd
@@ -33,11 +30,13 @@ from plateau.farm.wire.notice_views import message
 from plateau.service.monitor.notifier.notes import Notes, NotNotified
 from plateau.service.monitor.notifier.requests import (
     TOTAL_S,
-    Answer,
-    NoAnswer,
+    NoResponse,
     Requests,
+    Response,
     signed_headers,
 )
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import read_targets
 
 _LOG = logging.getLogger(__name__)
 
@@ -207,7 +206,7 @@ class Notifier:
         settled = self._settle(taken, end, error, delay_s)
         _report(taken, end, error, time.monotonic() - started, delay_s, settled=settled)
 
-    def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
+    def _tried(self, taken: Taken) -> tuple[Response | None, str]:
         """Send the notice; returns the answer, if any, and the error unless it was delivered."""
         try:
             if taken.url is None:
@@ -216,7 +215,7 @@ class Notifier:
             body = message(taken.job).model_dump_json().encode()
             headers = signed_headers(f"msg_{taken.job_id}", taken.now, body, taken.secret)
             answer = self._requests.post(taken.url, headers, body)
-        except (NoAnswer, NotNotified, ExtraMissing) as error:
+        except (NoResponse, NotNotified, ExtraMissing) as error:
             return None, str(error)
         except Exception as error:  # noqa: BLE001  (one notice must not hurt the others)
             _LOG.exception("a notice could not be sent")
@@ -247,7 +246,7 @@ class Notifier:
                     raise
 
 
-def _end_of(taken: Taken, answer: Answer | None, error: str) -> TryEnd:
+def _end_of(taken: Taken, answer: Response | None, error: str) -> TryEnd:
     if not error:
         return "delivered"
     if taken.tries >= MOST_TRIES or (answer is not None and answer.status == _GONE):

@@ -11,11 +11,11 @@ from plateau.errors import ExtraMissing
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.troubles import ToldTroubles, Trouble, of_farm, of_store
 from plateau.farm.model.errors import FarmError, StoreUnavailable
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import connect
 from plateau.service.monitor.notifier.notes import Note, NotNotified, send
+from plateau.service.notices.targets import Targets
 
 _LOG = logging.getLogger(__name__)
 

@@ -10,8 +10,8 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis import keys
+from plateau.farm.redis.url import is_loopback
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.staged_job import StagedJob
 

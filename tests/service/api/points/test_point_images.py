@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Pixels, decode_image
 from plateau.farm.model.job import Job
+from plateau.picture import previews
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points import images as point_images
 from plateau.service.api.points import sums as point_sums
 from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
 from plateau.service.api.points.sums import PointSums
-from plateau.service.judging import previews
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until

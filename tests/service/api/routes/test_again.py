@@ -11,10 +11,11 @@ import pytest
 import redis
 from pydantic import ValidationError
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, lost_by
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.errors import JobNotEnded
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
@@ -546,7 +547,7 @@ class TestSamplesSaved:
         """Samples that each of these jobs saved, which are all of its batch and of the farm."""
         each = [job.samples_saved for job in done]
         batch = Batches(farm.jobs._redis).get("b")
-        assert batch.samples_saved == farm.jobs.census().samples_saved == sum(each)
+        assert batch.samples_saved == take_census(farm.client).samples_saved == sum(each)
         return [samples // self.PIXELS for samples in each]
 
     def test_are_those_that_the_cap_allowed_beyond_what_a_job_took_over(

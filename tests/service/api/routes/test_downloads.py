@@ -15,7 +15,7 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.job import utc_now

@@ -10,7 +10,7 @@ import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs import names as blob_names
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
 from tests.support.farms.live_api import LARGEST_UPLOAD

@@ -12,7 +12,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.process.notify_targets import Targets
+from plateau.service.notices.targets import Targets
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.receiver import SECRET

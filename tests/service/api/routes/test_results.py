@@ -10,14 +10,14 @@ import pytest
 import redis
 
 from plateau.client.watching import parse_events
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.service.judging.films import checked_partial
+from plateau.picture.films import checked_partial
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until

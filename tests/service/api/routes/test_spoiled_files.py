@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
 from tests.support.farms.live_api import live_api

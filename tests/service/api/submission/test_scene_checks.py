@@ -215,8 +215,8 @@ async def check(
     with tempfile.TemporaryFile() as file:
         file.write(content)
         file.flush()
-        async with checks.turn(is_gone) as turn:
-            return await turn.check(file, [({}, 0)] * values, total_s=total_s)
+        async with checks.slot(is_gone) as slot:
+            return await slot.check(file, [({}, 0)] * values, total_s=total_s)
 
 
 GOOD = scene()
@@ -254,7 +254,7 @@ class TestTheBudget:
     def test_of_many_values_is_one_and_those_known_by_then_are_told(
         self, make: Callable[..., SceneChecks]
     ) -> None:
-        checks = make(turn_s=0.01)
+        checks = make(slot_s=0.01)
         found = asyncio.run(check(checks, dear(tags=2), values=1000, total_s=0.3))
         assert 1 <= len(found.sizes) < 1000
         assert found.error is None
@@ -264,10 +264,10 @@ class TestATurn:
     def test_comes_between_the_values_of_a_long_check(
         self, make: Callable[..., SceneChecks]
     ) -> None:
-        checks = make(turn_s=0.01)
+        checks = make(slot_s=0.01)
 
         async def story() -> None:
-            # Given two checks of very many values, which have the two turns there are
+            # Given two checks of very many values, which have the two slots there are
             long = [asyncio.create_task(check(checks, dear(tags=1), values=500)) for _ in range(2)]
             await asyncio.sleep(0)
             # When a third comes, it is made before they are done
@@ -289,7 +289,7 @@ class TestATurn:
             return has_gone.is_set()
 
         async def story() -> None:
-            # Given as many checks as there are turns, and as many more as may wait
+            # Given as many checks as there are slots, and as many more as may wait
             content = dear()
             tasks = [
                 asyncio.create_task(check(checks, content, is_gone=is_gone))
@@ -303,7 +303,7 @@ class TestATurn:
             has_gone.set()
             ended = await asyncio.gather(*tasks, return_exceptions=True)
             assert {type(one) for one in ended} == {Gone}
-            # And there is a turn for who comes now
+            # And there is a slot for who comes now
             assert (await check(checks, GOOD)).sizes == [(768, 576)]
 
         asyncio.run(story())

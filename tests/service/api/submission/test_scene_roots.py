@@ -10,13 +10,12 @@ import httpx
 import pytest
 
 from plateau import Client
-from plateau.commands import jobs as commands
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.model.scene_roots import read_roots
-from plateau.farm.model.spec import JobSpec
 from plateau.service.api.scene_checks.placing import Placing
+from tests.plateau.commands.test_cli import plateau as command
 from tests.service.api.routes.test_jobs import FILM, problem
 from tests.support.farms.live_api import live_api
 from tests.support.scenes.bundles import PLY, mesh, scene, zipped
@@ -92,11 +91,9 @@ def test_a_batch_has_the_files_of_all_its_frames(studio: httpx.Client, store: Bl
     assert (found["files"], found["kind"], found["width"]) == (3, "zip", 16)
 
 
-def test_the_command_line_names_it_too(
-    studio: httpx.Client, url: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    commands.submit(Path("{assets}/walk/scene.xml"), JobSpec(), url=url, as_json=False)
-    job = studio.get(f"/v1/jobs/{capsys.readouterr().out.strip()}").json()
+def test_the_command_line_names_it_too(studio: httpx.Client, url: str) -> None:
+    _, printed, _ = command("submit", "{assets}/walk/scene.xml", "--url", url)
+    job = studio.get(f"/v1/jobs/{printed.strip()}").json()
     assert job["spec"]["requires"] == ["root.assets"]
 
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 import psutil
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from tests.support import long_tests
 from tests.support.farms.real_farm import RealFarm
 

@@ -22,8 +22,6 @@ from plateau.farm.images.png import encode_png
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
@@ -32,6 +30,8 @@ from plateau.service.monitor.notifier import notifier as module
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.support.farms.receiver import OK, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until

@@ -20,9 +20,9 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Notice
 from plateau.farm.model.states import JobState
-from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
@@ -31,6 +31,7 @@ from plateau.farm.redis.wake import Wake
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier, notifying
 from plateau.service.monitor.notifier.requests import Requests
+from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Receiver, hangs, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -144,7 +145,7 @@ def test_after_its_last_try_it_is_given_up(farm: Farm) -> None:
         job = farm.job(receiver)
         assert farm.await_state(job, "given-up").error == "the receiver answered 503"
     assert len(receiver.received) == 14
-    census = Jobs(farm.client).census()
+    census = take_census(farm.client)
     assert census.notice_tries == {"delivered": 0, "failed": 13, "given-up": 1}
 
 
@@ -197,7 +198,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.ledger.outbox import Outbox
-from plateau.farm.process.addresses import Receivers
+from plateau.service.notices.receivers import Receivers
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests

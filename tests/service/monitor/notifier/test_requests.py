@@ -13,8 +13,8 @@ import pytest
 import trustme
 from standardwebhooks import Webhook, WebhookVerificationError
 
-from plateau.farm.process.addresses import Receivers
-from plateau.service.monitor.notifier.requests import NoAnswer, Requests, signed_headers
+from plateau.service.monitor.notifier.requests import NoResponse, Requests, signed_headers
+from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Answer, receiving
 
 BODY = b'{"type": "job.converged"}'
@@ -139,7 +139,7 @@ class TestARequest:
 class TestTheGuard:
     def test_connects_to_nobody_who_is_not_allowed(self) -> None:
         with receiving() as receiver:
-            with pytest.raises(NoAnswer, match="no public address"):
+            with pytest.raises(NoResponse, match="no public address"):
                 requests(Receivers()).post(receiver.url, headers(), BODY)
             assert receiver.received == []
 
@@ -155,13 +155,13 @@ class TestTheGuard:
             port = urlsplit(receiver.url).port
             # The first address is allowed here, and nobody is there
             receivers = Receivers(("192.0.2.1",), look_up=rebinding)
-            with pytest.raises(NoAnswer):
+            with pytest.raises(NoResponse):
                 requests(receivers, connect_s=0.5).post(
                     f"http://evil.example:{port}/", headers(), BODY
                 )
             assert asked == ["evil.example"]
             # At the next try the name is asked again, and refused for what it means now
-            with pytest.raises(NoAnswer, match="no public address"):
+            with pytest.raises(NoResponse, match="no public address"):
                 requests(receivers).post(f"http://evil.example:{port}/", headers(), BODY)
             assert receiver.received == []
 
@@ -184,13 +184,13 @@ class TestTls:
         receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
         with receiving(tls=serving(authority, "other.lab")) as receiver:
             url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
-            with pytest.raises(NoAnswer, match="certificate verify failed"):
+            with pytest.raises(NoResponse, match="certificate verify failed"):
                 trusting(authority, receivers).post(url, headers(), BODY)
             assert receiver.received == []
 
     def test_by_an_unknown_authority_is_refused(self, authority: trustme.CA) -> None:
         with receiving(tls=serving(authority, "127.0.0.1")) as receiver:
-            with pytest.raises(NoAnswer, match="certificate verify failed"):
+            with pytest.raises(NoResponse, match="certificate verify failed"):
                 requests().post(receiver.url, headers(), BODY)
             assert receiver.received == []
 
@@ -212,13 +212,13 @@ class TestTime:
             return OK
 
         with receiving(wait) as receiver:
-            with pytest.raises(NoAnswer, match=r"no answer within 2 s"):
+            with pytest.raises(NoResponse, match=r"no answer within 2 s"):
                 requests(total_s=2).post(receiver.url, headers(), BODY)
             left.set()
 
     def test_an_answer_that_comes_drop_by_drop(self) -> None:
         # Each drop comes in time, and all of them never
-        with speaking(itertools.repeat(b"H"), pause_s=0.2) as url, pytest.raises(NoAnswer):
+        with speaking(itertools.repeat(b"H"), pause_s=0.2) as url, pytest.raises(NoResponse):
             requests(total_s=1.5).post(url, headers(), BODY)
 
     def test_a_body_without_an_end_is_left(self) -> None:
@@ -233,14 +233,14 @@ class TestTime:
     def test_nobody_listens(self) -> None:
         with socket.create_server(("127.0.0.1", 0)) as listener:
             port = listener.getsockname()[1]
-        with pytest.raises(NoAnswer, match="refused"):
+        with pytest.raises(NoResponse, match="refused"):
             requests().post(f"http://127.0.0.1:{port}/", headers(), BODY)
 
     def test_what_is_no_http(self) -> None:
-        with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoAnswer):
+        with speaking([b"220 mail.example ESMTP\r\n"]) as url, pytest.raises(NoResponse):
             requests(total_s=2).post(url, headers(), BODY)
 
     def test_headers_without_an_end(self) -> None:
         flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
-        with speaking([flood]) as url, pytest.raises(NoAnswer):
+        with speaking([flood]) as url, pytest.raises(NoResponse):
             requests(total_s=5).post(url, headers(), BODY)

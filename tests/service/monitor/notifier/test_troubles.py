@@ -15,12 +15,12 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.service.monitor.notifier import troubles as module
 from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
+from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.farm.ledger.test_workers import about
 from tests.service.monitor.notifier.test_notes import Mails, SmtpServer, by_json
 from tests.support.farms.receiver import OK, receiving

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import Pixels, decode_image, decode_layers
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.model.shot import ShotLook
 from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
-from plateau.service.monitor.helper.process import NoAnswer
+from plateau.farm.process.child import NoAnswer
 from plateau.service.monitor.shots import process, tending
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, ramp
@@ -93,7 +94,7 @@ def seen(look: ShotLook) -> dict[str, object]:
 
 def has_gone_on(farm: ShotFarm, looks: int) -> bool:
     """Whether a slice can be leased, or a look was noted."""
-    more = farm.jobs.census().slices["waiting"] > 0
+    more = take_census(farm.client).slices["waiting"] > 0
     return more or farm.is_over() or farm.record().looks > looks
 
 
