@@ -47,19 +47,18 @@ def judge(
       plateau judge frames --slice-spp 20 --step 40 --white-luminance 300
     """
     from plateau.farm.wire.job_text import row
-    from plateau.files.held import held
-    from plateau.files.job_folder import owner, write_set
+    from plateau.files.job_folder import owner, whole
     from plateau.files.out_folder import make
     from plateau.picture.series import BrokenSeries, CannotJudge, find_series, judge_series
 
     with ExitStack() as stack:
         if out is not None:
             make(out)
-            stack.enter_context(held(out))
             if (job := owner(out)) is not None:
                 raise CommandFailed(
                     f"{out} has the results and the curve of job {job}: give another folder with -o"
                 )
+            files = [stack.enter_context(whole(out / f"curve.{kind}")) for kind in ("csv", "svg")]
         image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
         series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
         try:
@@ -67,10 +66,11 @@ def judge(
         except BrokenSeries as broken:
             if out is None:
                 raise CannotJudge(f"{broken}; -o DIR writes non-finite.png there") from None
-            write_set(out, {"non-finite.png": broken.picture})
+            with whole(out / "non-finite.png") as file:
+                file.write_bytes(broken.picture)
             raise
         if out is not None:
-            write_set(out, _files(judged, spec))
+            _write(judged, spec, *files)
     if as_json:
         curve = [point.model_dump(mode="json", exclude={"at"}) for point in judged.points]
         print_json({"stops": judged.stops, "curve": curve})
@@ -83,10 +83,11 @@ def judge(
         print(row(name, when))
 
 
-def _files(judged: "Judged", spec: "JobSpec") -> dict[str, bytes]:
+def _write(judged: "Judged", spec: "JobSpec", table: Path, drawing: Path) -> None:
     from plateau.farm.wire.curve_csv import curve_csv
     from plateau.farm.wire.curve_svg import curve_svg
     from plateau.farm.wire.report import STYLE
 
+    table.write_text(curve_csv(judged.points), encoding="utf-8")
     drawn = curve_svg(spec, judged.width * judged.height, judged.points, style=STYLE)
-    return {"curve.csv": curve_csv(judged.points).encode(), "curve.svg": drawn.encode()}
+    drawing.write_text(drawn, encoding="utf-8")

@@ -12,7 +12,7 @@ import re
 import shutil
 import signal
 import threading
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -96,7 +96,11 @@ class NewSet:
         """Put the new files in the place of the old results; slices that are `kept` stay."""
         new = [path for path in _ours(self.place) if path.parent == self.place]
         slices = sorted(self.place.glob(f"{SLICES}/*"))
-        _refuse_folders(self._folder, [path.name for path in new])
+        for path in (self._folder / path.name for path in new):
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if kept or slices:
+            (self._folder / SLICES).mkdir(exist_ok=True)
         (self.place / _OWNER).write_text(f"{job_id}\n", encoding="utf-8")
         with _unbroken():
             if owner(self._folder) is not None:
@@ -104,8 +108,6 @@ class NewSet:
                     if path.parent == self._folder or path.name not in kept:
                         path.unlink()
             (self.place / _OWNER).replace(self._folder / _OWNER)
-            if kept or slices:
-                (self._folder / SLICES).mkdir(exist_ok=True)
             for path in slices:
                 path.replace(self._folder / SLICES / path.name)
             for path in new:  # summary.json last, by which a job of a batch is there
@@ -117,28 +119,6 @@ class NewSet:
     def drop(self) -> None:
         """Remove the new files."""
         shutil.rmtree(self.place, ignore_errors=True)
-
-
-def write_set(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder that the caller holds: all of them, or none."""
-    place = folder / _NEW
-    try:
-        place.mkdir(exist_ok=True)
-        for name, content in files.items():
-            (place / name).write_bytes(content)
-        _refuse_folders(folder, files)
-        with _unbroken():
-            for name in files:
-                (place / name).replace(folder / name)
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
-
-
-def _refuse_folders(folder: Path, names: Iterable[str]) -> None:
-    """Raise `IsADirectoryError` where a file of these could not be put."""
-    for path in (folder / name for name in names):
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
 
 
 @contextmanager

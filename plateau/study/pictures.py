@@ -6,6 +6,7 @@ All have the job's exposure, so that they differ only by the number of their sam
 import hashlib
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
@@ -58,17 +59,13 @@ def are_independent(
     store: Blobs, job: Job, slices: list[KeptSlice], other: Job, reference: list[KeptSlice]
 ) -> bool:
     """Whether two jobs have samples of their own, as their seeds and their first slices tell."""
-    if other.spec.seed == job.spec.seed:
-        return False
     found = Independence()
-    try:
-        with _ONE_AT_A_TIME:
-            for one, kept in ((job, slices), (other, reference)):
-                merge = next(_merges(store, kept[:1], Merge.of(one.spec)))
-                found.add(one.id, merge.image(), one.id)
-    except NotIndependent:
-        return False
-    return True
+    with _ONE_AT_A_TIME, suppress(NotIndependent):
+        for one, kept in ((job, slices), (other, reference)):
+            merge = next(_merges(store, kept[:1], Merge.of(one.spec)))
+            found.add(one.id, merge.image(), one.id)
+        return other.spec.seed != job.spec.seed
+    return False
 
 
 def _merges(store: Blobs, slices: list[KeptSlice], merge: Merge) -> Iterator[Merge]:

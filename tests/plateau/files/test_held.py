@@ -16,7 +16,7 @@ from plateau.farm.images.exr import encode_layers
 from plateau.farm.model.job import utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.files.held import Held, held
-from plateau.files.job_folder import whole, write_set
+from plateau.files.job_folder import whole
 from plateau.rendering.result import Result
 from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
@@ -91,11 +91,6 @@ def test_a_file_is_written_whole_and_what_was_left_is_cleaned(tmp_path: Path) ->
         pass
     with whole(Path("/dev/null")) as path:
         path.write_text("to nobody")
-    # And several files are written together
-    (tmp_path / "b").mkdir()
-    with pytest.raises(OSError, match=r"irectory"):
-        write_set(tmp_path, {"image.exr": b"newer", "b": b"a folder is there"})
-    assert file.read_text() == "new"
 
 
 @pytest.mark.usefixtures("_service")
