@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 
 _OUTPUT: Final = "standard output"
 

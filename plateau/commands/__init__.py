@@ -10,9 +10,9 @@ from typing import Final
 
 # Help lists the commands in this order.
 # isort: off
-from plateau.commands import render, serve, doctor, scale, submit, watch, listing  # noqa: F401
-from plateau.commands import show, fetch, movie, steer, farm, diff, denoise, judge  # noqa: F401
-from plateau.commands import sweep, keys, admin  # noqa: F401
+from plateau.commands import render, serve, doctor, submit, watch, listing, show  # noqa: F401
+from plateau.commands import fetch, movie, steer, farm, diff, denoise, judge  # noqa: F401
+from plateau.commands import keys, sweep, scale, redis_acl  # noqa: F401
 
 # isort: on
 from plateau.commands.app import app

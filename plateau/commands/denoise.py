@@ -87,6 +87,8 @@ def _denoise(
     if len(sizes) > 1:
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
+    if len({str(one.place) for one in read}) > 1:
+        raise CommandFailed("the images are crops of different parts of a film")
     independence = Independence()
     for path, one in zip(images, read, strict=True):
         independence.add(str(path), one.colour, one.job)
@@ -100,7 +102,7 @@ def _denoise(
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
-    attributes = {"plateau:denoiser": found.denoiser}
+    attributes = {"plateau:denoiser": found.denoiser, **read[0].place}
     unfinished.write_bytes(encode_layers(layers_of(found.blend, mean), attributes))
     left = _noise_left(found, shown)
     if as_json:
@@ -121,6 +123,7 @@ class _Image(NamedTuple):
     colour: "Pixels"
     layers: "dict[str, Pixels]"
     job: str | None  #: of Plateau's, where one made it
+    place: dict[str, Any]  #: of a crop, in its film
 
 
 def _mean(images: Sequence[_Image]) -> "Half":
@@ -135,14 +138,17 @@ def _mean(images: Sequence[_Image]) -> "Half":
 
 def _read(path: Path) -> _Image:
     """Return the colour of an EXR file, its channels by name, and its job."""
+    from plateau.farm.images.crops import CROP
     from plateau.farm.images.exr import decode_header, decode_image, decode_layers
 
     try:
         content = path.read_bytes()
         # OpenEXR prints its warnings, where scripts expect an answer.
         with contextlib.redirect_stdout(io.StringIO()):
-            job = decode_header(content).get("plateau:job")
-            return _Image(decode_image(content), decode_layers(content), job)
+            header = decode_header(content)
+            place = {CROP: header[CROP]} if CROP in header else {}
+            job = header.get("plateau:job")
+            return _Image(decode_image(content), decode_layers(content), job, place)
     except OSError as error:
         raise CommandFailed(f"{path}: {error.strerror or error}") from error
     except ValueError as error:

@@ -12,8 +12,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.options.spec_fields import view_of_place
-from plateau.errors import tell
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode, tell
 
 if TYPE_CHECKING:
     from plateau.metric.display import SeenFrom

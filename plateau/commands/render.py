@@ -9,8 +9,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
-from plateau.errors import tell
-from plateau.exit_codes import EXIT_CODES
+from plateau.errors import EXIT_CODES, tell
 from plateau.farm.model.states import JobState
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from plateau.commands.app import app
 from plateau.commands.connect import connect
 from plateau.commands.printing import print_one
 from plateau.commands.show import batch_summary
-from plateau.errors import tell
-from plateau.exit_codes import EXIT_CODES, ExitCode
+from plateau.errors import EXIT_CODES, ExitCode, tell
 from plateau.farm.model.states import JobState
 
 if TYPE_CHECKING:

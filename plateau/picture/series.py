@@ -142,7 +142,7 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     """
     judge, merge = Judge(spec), replace(Merge.of(spec), slice_spp=series.spp)
     if series.partials:
-        merge.look = decode_partial(series.files[0].read_bytes()).look
+        merge.transform = decode_partial(series.files[0].read_bytes()).transform
     points: list[CurvePoint] = []
     for path, film in zip(series.files, series.films(), strict=True):
         try:

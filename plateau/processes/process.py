@@ -8,8 +8,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from plateau.errors import EXPECTED, CommandFailed
-from plateau.exit_codes import ExitCode
+from plateau.errors import EXPECTED, CommandFailed, ExitCode
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.schema import await_checks
 from plateau.farm.model.errors import Incompatible

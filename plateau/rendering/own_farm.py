@@ -50,7 +50,7 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     try:
         if found.width and found.height:
             spec.require_size(found.width, found.height)
-        variant = variant_for(spec.variant, found.renderer)
+        variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     _check_variant(variant, settings.cache)

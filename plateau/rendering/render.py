@@ -6,8 +6,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plateau.client.jobs import spec_of
+from plateau.client.submission import spec_of
 from plateau.errors import PlateauError
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.out_folder import ready
@@ -102,7 +103,7 @@ def render(
     >>> result.save("box.exr")  # doctest: +SKIP
     """
     asked = spec_of(spec, fields)
-    folder = None if out is None else Path(out)
+    folder = None if out is None else at_home(out)
 
     def fetch(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> Result:
         result = Result.fetched(client, job)

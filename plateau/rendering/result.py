@@ -9,6 +9,7 @@ from plateau.client import ApiError, Client
 from plateau.client.columns import columns
 from plateau.errors import CommandFailed, needs
 from plateau.farm.model.job import CurvePoint, Event
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import JobView, SliceView
@@ -107,7 +108,7 @@ class Result:
         OSError
             It cannot be written.
         """
-        path = Path(path)
+        path = at_home(path)
         name = {".exr": "image.exr", ".png": "image.png"}.get(path.suffix.lower())
         if name is not None:
             content = self._file(name)

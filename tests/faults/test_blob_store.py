@@ -15,6 +15,7 @@ from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.long_tests import cases, rare
+from tests.support.processes.forked import ForkServer
 
 Submit = Callable[[], str]
 
@@ -52,11 +53,13 @@ class SmallDisk:
 
 
 @pytest.fixture(scope="module")
-def small_disk(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[SmallDisk]:
+def small_disk(
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
+) -> Iterator[SmallDisk]:
     home = tmp_path_factory.mktemp("small")
     with (
         LoopDisk(home / "disk", megabytes=8) as disk,
-        FaultyFarm(home, cache, blobs=disk.folder / "blobs") as farm,
+        FaultyFarm(home, cache, disk.folder / "blobs", fork_server) as farm,
     ):
         farm.start("monitor")
         farm.workers(2)

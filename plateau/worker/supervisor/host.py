@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 import psutil
@@ -82,7 +83,7 @@ class RenderHost:
         return Rendered(
             said=self.take_words(),
             lease=lease,
-            scene=scene,
+            scene=replace(scene, notes=(*scene.notes, *child.notes)),
             film=film,
             first_seed=first_seed,
             last_seed=last_seed,

@@ -55,6 +55,7 @@ class FaultyFarm(RealFarm):
         target: str = "self",
         constants: dict[str, object] | None = None,
         inside: tuple[str, ...] = (),
+        passed: tuple[int, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         """Start a process that a signal hits at a stage; see `tests.support.faults.stages`."""
@@ -66,7 +67,8 @@ class FaultyFarm(RealFarm):
             "target": target,
             "set": constants or {},
         }
-        return self._start_on(stage, role, *arguments, inside=inside, **environment)
+        how = {"inside": inside, "passed": passed}
+        return self._start_on(stage, role, *arguments, **how, **environment)  # type: ignore[arg-type]
 
     def start_changed(
         self,
@@ -93,13 +95,13 @@ class FaultyFarm(RealFarm):
         role: str,
         *arguments: str,
         inside: tuple[str, ...] = (),
+        passed: tuple[int, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         armed = json.dumps(stage)
         module = "tests.support.faults.stages"
-        return self.start(
-            role, *arguments, module=module, inside=inside, STAGE=armed, **environment
-        )
+        how = {"module": module, "inside": inside, "passed": passed}
+        return self.start(role, *arguments, **how, STAGE=armed, **environment)  # type: ignore[arg-type]
 
     def wait_until_ended(
         self, process: subprocess.Popen[bytes], by: signal.Signals | None = None

@@ -18,8 +18,8 @@ from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.spec_checks import check_size, invalid_spec, with_notice
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency

@@ -12,8 +12,8 @@ from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.scene_roots import root_tag
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.parts import Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.spec_checks import invalid_field
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
 from plateau.service.api.submission.reading import Submission
 from plateau.service.api.submission.storing import StoredScene
 
@@ -29,11 +29,11 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     source = sha256 if asked.again is None else asked.again.of
     digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
-    variant = variant_for(asked.spec.variant, scene.summary.renderer)
-    needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
+    summary = scene.summary
+    variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
+    needs = {*asked.spec.requires, *map(root_tag, summary.roots)}
     if len(needs) > MOST_TAGS:
-        message = f"has {len(needs)} tags, with those of the scene's roots; {MOST_TAGS} are allowed"
-        raise invalid_field(problems.INVALID_SPEC, "spec.requires", message)
+        raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
         [

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import Partial, decode_partial, encode_partial
-from plateau.farm.images.look import SIZE, Look
+from plateau.farm.images.view_transform import SIZE, ViewTransform
 from plateau.metric import encode_srgb
 from plateau.picture.merge import Merge
-from tests.support.images.looks import srgb_look
+from tests.support.images.view_transforms import srgb_transform
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def image() -> np.ndarray:
 
 @pytest.mark.parametrize("gain", [1.0, 0.125, 4.0])
 def test_through_srgb_itself_an_image_is_seen_as_it_is(image, gain):
-    seen = srgb_look(gain).seen(image)
+    seen = srgb_transform(gain).seen(image)
     # An eighth of a radiance is seen where the gain is one: what matters is the codes
     off = encode_srgb(seen).astype(int) - encode_srgb(np.clip(image * gain, 0, 1))
     assert np.abs(off).max() <= 1
@@ -25,22 +25,22 @@ def test_through_srgb_itself_an_image_is_seen_as_it_is(image, gain):
 
 
 def test_the_exposure_acts_before_the_transform(image):
-    look = srgb_look(power=2)
+    look = srgb_transform(power=2)
     brighter = encode_srgb(look.seen(image, 1.0), exposure_ev=1.0).astype(int)
     assert np.abs(brighter - encode_srgb(look.seen(2 * image))).max() <= 1
 
 
 def test_what_is_not_finite_stays(image):
     image[3, 4, 1], image[5, 6] = np.nan, np.inf
-    seen = srgb_look().seen(image)
+    seen = srgb_transform().seen(image)
     assert np.isnan(seen[3, 4, 1])
     assert np.isinf(seen[5, 6]).all()
     assert np.isfinite(seen).sum() == seen.size - 4
 
 
 def test_it_survives_text_and_the_first_slice_of_a_job(image):
-    look = srgb_look(0.5, 2)
-    again = Look.from_text(look.as_text())
+    look = srgb_transform(0.5, 2)
+    again = ViewTransform.from_text(look.as_text())
     assert (again.gain, again.table.tobytes()) == (0.5, look.table.tobytes())
     film = np.concatenate([image, np.ones((40, 30, 1), np.float32)], axis=-1)
     about = {"job_id": "j", "spp": 1, "variant": "analytic:numpy", "scene_sha256": "0" * 64}
@@ -51,7 +51,7 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
             first_seed=index,
             last_seed=index,
             pixels=film,
-            look=look if index == 0 else None,
+            transform=look if index == 0 else None,
             **about,
         )
         merge.add_partial(decode_partial(encode_partial(partial)))
@@ -71,9 +71,9 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
 
 @pytest.mark.parametrize("text", ["", "1.0", "1.0 AAAA", "0.0 {}", "nan {}", "1.0 {}AA=="])
 def test_what_is_no_table_is_refused(text):
-    packed = srgb_look().as_text().partition(" ")[2]
+    packed = srgb_transform().as_text().partition(" ")[2]
     if text == "1.0 {}AA==":  # a short one
         packed = packed[:400]
-    with pytest.raises(ValueError, match="no table of a look"):
-        Look.from_text(text.format(packed))
+    with pytest.raises(ValueError, match="no table of a view transform"):
+        ViewTransform.from_text(text.format(packed))
     assert SIZE == 33

@@ -1,6 +1,5 @@
-"""`plateau redis-acl | notify`: the users of a farm's Redis, and a test of a notice's target."""
+"""`plateau redis-acl`: the users of a farm's Redis."""
 
-import json
 import os
 import re
 import secrets
@@ -9,11 +8,9 @@ from typing import Annotated, Final
 
 import typer
 
-from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.errors import CommandFailed, tell
 
-_NOTICE: Final = "This target is notified when jobs end that name it."
 _REDIS_VERSION: Final = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
 
@@ -70,30 +67,3 @@ def _password(folder: Path, user: str) -> str:
     if not password:
         raise CommandFailed(f"{file} is empty")
     return password
-
-
-@app.command()
-def notify(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="A target's name in PLATEAU_NOTIFY_FILE.")
-    ],
-    as_json: o.Json = False,
-) -> None:
-    """Send a test message to a target of notices, and say whether it was taken.
-
-    For example:
-      PLATEAU_NOTIFY_FILE=/etc/plateau/targets plateau notify ops
-
-    `plateau submit --notify NAME` has a target notified of a job's end. Where a message cannot be
-    sent, the reason is shown, and may have parts of the target's URL.
-    """
-    from plateau.processes.read_settings import read_settings
-    from plateau.service.monitor.notifier.notes import Note, NotNotified, send
-    from plateau.service.notices.targets import read_targets
-
-    url = read_targets(read_settings()).url(name)
-    try:
-        send(name, url, Note("Plateau: a test", _NOTICE))
-    except NotNotified as error:
-        raise CommandFailed(f"{name} was not notified: {error.said}") from None
-    print(json.dumps({"target": name, "notified": True}) if as_json else f"{name} was notified")

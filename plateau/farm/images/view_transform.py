@@ -29,7 +29,7 @@ _BLOCK: Final = 2**18
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class ViewTransform:
     """A view transform.
 
     Parameters
@@ -81,22 +81,22 @@ class Look:
         return codes
 
     def as_text(self) -> str:
-        """Return the look as ASCII text."""
+        """Return it as ASCII text."""
         packed = zlib.compress(np.ascontiguousarray(self.table, "<u2").tobytes())
         return f"{self.gain!r} {base64.b64encode(packed).decode()}"
 
     @classmethod
-    def from_text(cls, text: str) -> Look:
-        """Return the look that a text is; raise `ValueError` where it is none."""
+    def from_text(cls, text: str) -> ViewTransform:
+        """Return the one that a text is; raise `ValueError` where it is none."""
         gain, _, packed = text.partition(" ")
         most = SIZE**3 * 3 * 2
         try:
             content = zlib.decompressobj().decompress(base64.b64decode(packed), most + 1)
             scale = float(gain)
         except (ValueError, zlib.error) as error:
-            raise ValueError(f"no table of a look: {error}") from error
+            raise ValueError(f"no table of a view transform: {error}") from error
         if len(content) != most or not 0 < scale < np.inf:
-            raise ValueError("no table of a look: it has another size, or no gain")
+            raise ValueError("no table of a view transform: it has another size, or no gain")
         return cls(np.frombuffer(content, "<u2").reshape(SIZE, SIZE, SIZE, 3), scale)
 
 
