@@ -1,4 +1,4 @@
-"""The example scenes: known files, which the farm's check accepts, well exposed under their light."""
+"""The example scenes: known files that pass the farm's check, well exposed under their light."""
 
 import hashlib
 import json
