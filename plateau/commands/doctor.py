@@ -178,7 +178,7 @@ def _renderer(one: "RendererFacts") -> Iterator[Check]:
         done = subprocess.run(
             command(variant, one.devices),
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=_DEVICES_S,
             check=True,
         )
@@ -211,7 +211,7 @@ def _confinement() -> Iterator[Check]:
 
 def _redis_version(binary: Path) -> str:
     answer = subprocess.run(
-        [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
+        [binary, "--version"], capture_output=True, encoding="utf-8", timeout=10, check=False
     ).stdout
     words = [word.removeprefix("v=") for word in answer.split() if word.startswith("v=")]
     return words[0] if words else "of unknown version"

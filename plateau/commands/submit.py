@@ -97,12 +97,10 @@ def submit(
         job = client.submit(scene, spec)
     print_one(job, job.id, as_json=as_json)
 
-    from plateau.farm.wire import job_text
-
     if job.waits_for:
         tell(f"job {job.id} {job.waits_for}")
-    elif place := job_text.place(job):
-        tell(f"job {job.id} has {place}")
+    elif job.time_left:
+        tell(f"job {job.id} has {job.time_left}")
 
 
 def _with_notice(spec: "JobSpec", told: Sequence[str]) -> "JobSpec":

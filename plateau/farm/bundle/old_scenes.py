@@ -26,6 +26,7 @@ _TAGS: Final = {
     "subsurface": "use a <medium> and the integrator volpath",
     "animation": "use one <transform>",
 }
+_PLAIN: Final = ("boolean", "float", "integer", "string")
 #: Properties that Mitsuba 3 refuses.
 _GONE: Final = (
     *("attachlog", "burn", "exposure", "gamma", "highqualityedges", "key", "strictnormals"),
@@ -39,7 +40,8 @@ class OldScene:
     def __init__(self, plugins: Collection[str]) -> None:
         self._plugins = plugins
         self._version = ""
-        self._found: list[str] = []
+        self._listed: list[str] = []
+        self._count = 0
         self._at: tuple[str, int] | None = None
 
     def is_old(self, version: str) -> bool:
@@ -64,7 +66,7 @@ class OldScene:
             what, to_do = "<spectrum intent= or temperature=>", "Mitsuba 3 has no such attribute"
         elif tag == "rgb" and value.startswith("#"):
             what, to_do = shown(value), "write three numbers"
-        elif name.replace("_", "").lower() in _GONE:
+        elif tag in _PLAIN and name.replace("_", "").lower() in _GONE:
             what, to_do = shown(name), "delete it"
         else:
             return False
@@ -79,18 +81,19 @@ class OldScene:
     def _note(self, what: str, to_do: str, file: str, line: int) -> None:
         self._at = self._at or (file, line)
         where = f"line {line}" if file == self._at[0] else f"{file}, line {line}"
-        self._found.append(f"{where}, {what}: {to_do}")
+        self._count += 1
+        if self._count <= _MOST_LISTED:
+            self._listed.append(f"{where}, {what}: {to_do}")
 
     def check(self) -> None:
         """Refuse the scene if anything in it has to be changed; lists it by its lines."""
         if self._at is None:
             return
-        listed = "; ".join(self._found[:_MOST_LISTED])
-        more = len(self._found) - _MOST_LISTED
+        more = self._count - len(self._listed)
         raise BundleError(
             "old-scene",
             f"the scene is for Mitsuba {shown(self._version)}, and is rendered with Mitsuba 3. "
-            f"Mitsuba renames most of what is old by itself. Change: {listed}"
+            f"Mitsuba renames most of what is old by itself. Change: {'; '.join(self._listed)}"
             + (f"; and {more} more" if more > 0 else ""),
             file=self._at[0],
             line=self._at[1],

@@ -178,6 +178,7 @@ PREVIEW: Final[dict[str, Any]] = {
 JOB: Final[dict[str, Any]] = {
     "id": JOB_ID,
     "name": "sphere.xml",
+    "title": "sphere.xml width=256 height=256",
     "owner": KEY_ID,
     "owner_name": "nightly",
     "state": "rendering",
@@ -203,6 +204,7 @@ JOB: Final[dict[str, Any]] = {
     "expected_spp": 1300,
     "expected_s": 15.3,
     "samples_saved": 0,
+    "saved_fraction": 0.0,
     "machine_s": 10.4,
     "core_hours": 0.023111111,
     "saved_core_hours": 0.0,
@@ -210,6 +212,7 @@ JOB: Final[dict[str, Any]] = {
     "second_tries": 1,
     "waits_for": None,
     "queue_place": None,
+    "time_left": "about 15 s left",
     "fitting_workers": 3,
     "created_at": _CREATED,
     "started_at": _STARTED,

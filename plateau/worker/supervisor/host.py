@@ -57,6 +57,7 @@ class RenderHost:
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
+        lease.spec.require_size(scene.width, scene.height)
         schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
         first_seed, last_seed = schedule.seed_range(lease.index, lease.spp)
         zones = slice_zones(lease.spec, lease.round, scene.width, scene.height, scene.border)

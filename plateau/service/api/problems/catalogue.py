@@ -282,7 +282,7 @@ INVALID_SPEC: Final = ProblemType(
     "invalid-spec", 422, "Invalid job spec",
     "{said}", members=("errors",), example={"said": "spec.max_spp: must be at least 1"})
 CANNOT_FOLLOW: Final = INVALID_SPEC.of("spec.after", "{error}")
-NO_SEEDS_LEFT: Final = INVALID_SPEC.of("{field}", "{error}")
+UNFIT_FILM: Final = INVALID_SPEC.of("{field}", "{error}")
 SIZE_UNKNOWN: Final = INVALID_SPEC.of(
     "{field}",
     "the frames of a shot have one size, which the renderer alone knows of this scene: set the "

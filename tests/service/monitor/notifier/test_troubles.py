@@ -22,27 +22,15 @@ from plateau.service.monitor.notifier import troubles as module
 from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
 from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.farm.ledger.test_workers import about
-from tests.service.monitor.notifier.test_notes import Mails, SmtpServer, by_json
+from tests.service.monitor.notifier.test_notes import Mails, by_json, mailbox
 from tests.support.farms.receiver import OK, receiving
 from tests.support.until import until
 
 
 @pytest.fixture
 def mails() -> Iterator[tuple[Mails, Targets]]:
-    """A mailbox, and the target that reaches it."""
-    mails = Mails()
-    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
-    server.start()
-    mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
-    try:
-        yield mails, Targets({"ops": f"{mail}&mode=insecure"}, troubles=("ops",))
-    finally:
-        server.stop()
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Blobs:
-    return Blobs(str(tmp_path / "blobs"))
+    with mailbox() as (mails, mail):
+        yield mails, Targets({"ops": mail}, troubles=("ops",))
 
 
 def texts(mails: Mails) -> list[str]:
