@@ -14,7 +14,9 @@ _JUDGING = frozenset({"plateau.metric.vdp", "plateau.metric.rules.evidence"})
 
 #: What each process starts with, and what has no business in it.
 STARTS = {
-    "import plateau.cli": {"pydantic", "redis", "numpy", "rich.console", "httpx"},
+    "import plateau.cli": {
+        *("pydantic", "redis", "numpy", "rich.console", "httpx", "fastapi", "matplotlib"),
+    },
     "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
     "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
         *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS),
@@ -26,7 +28,9 @@ STARTS = {
         *("rich", "numpy", "PIL", "OpenEXR", *_JUDGING, "numba", "httpx", "matplotlib"),
         *_RENDERERS,
     },
-    "from plateau import Client": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
+    "from plateau import Client": {
+        *("numpy", "fastapi", "pydantic_settings", "plateau.farm.ledger", *_FARMS),
+    },
     "import plateau.commands.jobs": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
 }
 
