@@ -3,12 +3,12 @@
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.queue import Committed
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
 from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease

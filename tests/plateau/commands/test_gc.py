@@ -8,8 +8,8 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
-from plateau.farm.blobs import store as blobs
+from plateau.commands import app
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.schema import check_schema

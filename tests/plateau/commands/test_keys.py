@@ -10,8 +10,8 @@ import pytest
 import trustme
 from typer.testing import CliRunner
 
-from plateau.cli import app
 from plateau.client import ApiError, BadKey, Client, Unreachable
+from plateau.commands import app
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState

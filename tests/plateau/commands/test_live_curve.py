@@ -10,7 +10,7 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.terminal import Terminal
 
@@ -136,7 +136,7 @@ def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:
-    terminal = Terminal("curve", job.id, "--url", api)
+    terminal = Terminal("show", "--curve", job.id, "--url", api)
     try:
         assert terminal.exit_code() == 0
         lines = terminal.lines()
