@@ -193,7 +193,7 @@ def gc(
         _days(
             help="Remove scenes that no job has and that were not used for this many days (an "
             "hour at least).",
-            show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
+            show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
         ),
     ] = None,
     dry_run: Annotated[
@@ -209,7 +209,7 @@ def gc(
 
     Orphaned blobs, left by killed processes, are always removed. Unfinished jobs keep everything.
     Monitors do the same once an hour, by the settings PLATEAU_KEEP_RESULTS_DAYS,
-    PLATEAU_KEEP_DELETED_DAYS, PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+    PLATEAU_KEEP_DELETED_DAYS and PLATEAU_KEEP_SUMS_DAYS.
 
     Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS if they are set, otherwise on the data folder,
     whether `plateau up` is running or not.

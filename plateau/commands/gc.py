@@ -38,7 +38,7 @@ def gc(
     if sums_older_than_days is None:
         sums_older_than_days = settings.keep_sums_days
     if scenes_unused_for_days is None:
-        scenes_unused_for_days = settings.keep_scenes_days
+        scenes_unused_for_days = settings.keep_results_days
     data = DataFolder(settings.data)
     if settings.redis_url and settings.blobs is None:
         raise CommandFailed(

@@ -137,16 +137,10 @@ def log(job_id: str, *, index: int | None, url: str | None, as_json: bool) -> No
     """Print the log of a job, or of one of its slices."""
     with connect(url) as client:
         job_id = client.whole_id(job_id)
-        if index is None:
-            entries = client.log(job_id)
-            shown: dict[str, object] = {}
-        else:
-            found = client.slice_log(job_id, index)
-            entries = found.entries
-            shown = {"slice": found.slice and found.slice.model_dump(mode="json")}
+        entries = client.log(job_id, index=index)
     if as_json:
         lines = [entry.model_dump(mode="json") for entry in entries]
-        print(json.dumps({**shown, "entries": lines}, indent=2))
+        print(json.dumps({"entries": lines}, indent=2))
         return
     if not entries:
         print("nothing yet", file=sys.stderr)

@@ -49,7 +49,7 @@ def create(
     settings = farm_settings()
     if not (name.isprintable() and name.strip() and len(name) <= 100):
         raise CommandFailed("a key's name has 1 to 100 printable characters")
-    known, allowed = _role(role), _limits(settings, limits)
+    known, allowed = _role(role), _limits(limits)
     shown = None if key_from is None else secret_in(key_from, "--from")
     patience_s = 0.0 if shown is None else _PATIENCE_S
     with _keys(settings, may_begin=True, patience_s=patience_s) as keys:
@@ -158,12 +158,8 @@ def _role(name: str) -> Role:
         raise CommandFailed(f"there is no role {name!r}; there are {known}") from None
 
 
-def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
-    """The given limits; those of the settings in place of None."""
-    asked = {
-        name: getattr(settings, f"key_{name}") if value is None else value
-        for name, value in given.items()
-    }
+def _limits(given: dict[str, float | None]) -> KeyLimits:
+    asked: dict[str, Any] = dict(given)
     for name in ("upload", "scenes"):
         gigabytes = asked.pop(f"{name}_gb")
         asked[f"{name}_bytes"] = None if gigabytes is None else round(gigabytes * 2**30)

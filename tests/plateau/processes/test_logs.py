@@ -117,12 +117,12 @@ def test_every_line_of_an_api_says_which_job_it_is_about(run: Run, tmp_path: Pat
     api = run("api", "--port", "0", PLATEAU_REDIS_URL=f"unix://{tmp_path}/nowhere.sock")
     url = api.wait_for(r"listens at (http://127\.0\.0\.1:\d+)")
     with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:  # one connection for all
-        for path in ("/v1/jobs/0123456789ab", "/v1/jobs/0123456789ab/slices/7/log", "/v1/jobs"):
+        for path in ("/v1/jobs/0123456789ab", "/v1/jobs/0123456789ab/slices/7.exr", "/v1/jobs"):
             assert http.get(path).status_code == 503
     found = lines(api)
     assert {one["role"] for one in found} == {"api"}
     assert about(found, "GET /v1/jobs/0123456789ab:") == {("0123456789ab", None)}
-    assert about(found, "/slices/7/log:") == {("0123456789ab", 7)}
+    assert about(found, "/slices/7.exr:") == {("0123456789ab", 7)}
     assert about(found, "GET /v1/jobs:") == {(None, None)}
 
 

@@ -505,7 +505,6 @@ class TestChangingThePriority:
         ("GET", "/curve.csv"),
         ("GET", "/events"),
         ("GET", "/slices"),
-        ("GET", "/slices/0/log"),
         ("GET", "/log"),
         ("GET", "/image.png"),
         ("GET", "/image.exr"),
