@@ -1,5 +1,5 @@
 """``python -m plateau``."""
 
-from plateau.cli import main
+from plateau.commands import main
 
 main()

@@ -7,8 +7,8 @@ An extension is a package that no other module of Plateau names, but an entry po
 `plateau.extensions`. It may have modules of these names, each of which is imported when it is
 needed:
 
-``cli``
-    adds commands to `plateau.cli.app.app` when it is imported
+``commands``
+    adds commands to `plateau.commands.app.app` when it is imported
 ``routes``
     ``mount(app, client)`` adds routes to the API, which already has its own
 ``ledger``

@@ -2,95 +2,182 @@
 
 import json
 import re
-import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from plateau.exit_codes import ExitCode
-from plateau.files.image_diff import CannotCompare, compare_files
-from plateau.metric import View
-from plateau.metric.display import SeenFrom
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import app
+from plateau.commands.options.spec_fields import view_of_place
+from plateau.errors import ExitCode, tell
+
+if TYPE_CHECKING:
+    from plateau.metric.display import SeenFrom
+
+_Made = TypeVar("_Made")
 
 
+@app.command()
 def diff(
-    reference: Path,
-    test: Path,
-    *,
-    gamma: float | None,
-    layer: str | None,
-    viewing_distance: float | None,
-    pixel_pitch: float | None,
-    field_of_view_deg: float | None,
-    map_file: Path | None,
-    jod: bool,
-    heat: Path | None,
-    as_json: bool,
-    **view: Any,
-) -> int:
-    """Compare, write the map, print; returns the exit code, which is 0 whatever the count.
+    reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
+    test: Annotated[Path, typer.Argument(help="A file of the same format and size.")],
+    field_of_view: Annotated[
+        float | None,
+        typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
+    ] = None,
+    viewing_distance: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the screen in cm; with --pixel-pitch, in place of the angle."
+        ),
+    ] = None,
+    pixel_pitch: Annotated[
+        float | None, typer.Option(help="Distance between the screen's pixels in mm.")
+    ] = None,
+    pixels_per_degree: Annotated[
+        float | None,
+        typer.Option(
+            help="Pixels in a degree at the image's centre, in place of the angle.",
+            show_default="none",
+        ),
+    ] = None,
+    seen: o.Seen = None,
+    white_luminance: Annotated[
+        float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
+    ] = None,
+    gamma: Annotated[
+        float | None,
+        typer.Option(
+            help="Exponent from the files' values to linear light.",
+            show_default="2.2 for PNG, 1 for EXR",
+        ),
+    ] = None,
+    primaries: Annotated[
+        str, typer.Option(help="Primaries of the display: rec709 or adobe1998.")
+    ] = "rec709",
+    exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
+    luminance_only: Annotated[
+        bool, typer.Option("--luminance-only", help="Ignore differences in colour.")
+    ] = False,
+    layer: Annotated[
+        str | None,
+        typer.Option(help="Layer of EXR files.", show_default="the plain R, G, B"),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="OUT.png",
+            help="File for a copy of TEST with visible differences marked.",
+        ),
+    ] = None,
+    jod: Annotated[
+        bool,
+        typer.Option(
+            "--jod",
+            help="Also print the quality of TEST by ColorVideoVDP: 10 JOD is no difference, 9 one "
+            "by which three of four people prefer REFERENCE.",
+        ),
+    ] = False,
+    heat: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.png",
+            help="File for a map of where ColorVideoVDP sees differences: from dark blue, none, to "
+            "yellow, 3 JOD and more; with --jod.",
+        ),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Count the pixels that differ visibly between two images.
 
-    What is in `view` goes to `metric.View`.
+    For example:
+      plateau diff before.png after.png --map difference.png
+      plateau diff reference.exr test.exr --exposure 1 --json
+      plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
+      plateau diff reference.exr test.exr --seen desk --jod --heat heat.png
+
+    Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
+    over black. The exit code is 0 whatever the count, and 2 if the images cannot be compared.
     """
+    from plateau.files.job_folder import whole
+    from plateau.metric import View
+    from plateau.picture.diff import CannotCompare, compare_files
+
+    view = view_of_place(seen) | {
+        "exposure_ev": exposure,
+        "primaries": primaries,
+        "luminance_only": luminance_only,
+        "gamma": 1.0 if gamma is None else gamma,
+    }
+    given = {
+        "field_of_view_deg": field_of_view,
+        "pixels_per_degree": pixels_per_degree,
+        "white_luminance": white_luminance,
+    }
+    view |= {name: value for name, value in given.items() if value is not None}
     try:
-        if field_of_view_deg is not None:
-            view["field_of_view_deg"] = field_of_view_deg
-        shown = _view(gamma, view)
-        if view.get("pixels_per_degree") and (field_of_view_deg or viewing_distance):
+        shown = _made(View, view)
+        if view.get("pixels_per_degree") and (field_of_view or viewing_distance):
             raise CannotCompare(
                 "give --seen or --pixels-per-degree, or how large the image is: both say at which "
                 "angle a pixel is seen"
             )
-        seen_from = _seen_from(viewing_distance, pixel_pitch, field_of_view_deg)
+        seen_from = _seen_from(viewing_distance, pixel_pitch, field_of_view)
         for option, file in (("--map", map_file), ("--heat", heat)):
             if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
                 raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
-        comparison = compare_files(
-            reference,
-            test,
-            shown,
-            gamma=gamma,
-            layer=layer,
-            seen_from=seen_from,
-            jod=jod or heat is not None,
-        )
+        with ExitStack() as stack:
+            made = [file and stack.enter_context(whole(file)) for file in (map_file, heat)]
+            comparison = compare_files(
+                reference,
+                test,
+                shown,
+                gamma=gamma,
+                layer=layer,
+                seen_from=seen_from,
+                jod=jod or heat is not None,
+            )
+            for file, write in zip(
+                made, (comparison.write_map, comparison.write_heat), strict=True
+            ):
+                if file is not None:
+                    write(file)
     except CannotCompare as error:
-        print(f"plateau: {error}", file=sys.stderr)
-        return ExitCode.USAGE
-    if map_file is not None:
-        comparison.write_map(map_file)
-    if heat is not None:
-        comparison.write_heat(heat)
+        tell(str(error))
+        raise typer.Exit(ExitCode.USAGE) from None
     print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
-    return ExitCode.OK
 
 
 def _seen_from(
-    viewing_distance: float | None, pixel_pitch: float | None, field_of_view_deg: float | None
-) -> SeenFrom | None:
+    viewing_distance: float | None, pixel_pitch: float | None, field_of_view: float | None
+) -> "SeenFrom | None":
+    from plateau.metric.display import SeenFrom
+    from plateau.picture.diff import CannotCompare
+
     if viewing_distance is None and pixel_pitch is None:
         return None
     if viewing_distance is None or pixel_pitch is None:
         raise CannotCompare("give --viewing-distance and --pixel-pitch together")
-    if field_of_view_deg is not None:
+    if field_of_view is not None:
         raise CannotCompare(
             "give --field-of-view, or --viewing-distance and --pixel-pitch: both "
             "say how large the image is"
         )
+    size = {"viewing_distance_cm": viewing_distance, "pixel_pitch_mm": pixel_pitch}
+    return _made(SeenFrom, size)
+
+
+def _made(kind: Callable[..., _Made], fields: dict[str, Any]) -> _Made:
+    """Return what these fields make; an error names the option of a wrong one."""
     try:
-        return SeenFrom(viewing_distance_cm=viewing_distance, pixel_pitch_mm=pixel_pitch)
+        return kind(**fields)
     except ValueError as error:
-        raise _by_option(error) from error
+        from plateau.picture.diff import CannotCompare
 
-
-def _view(gamma: float | None, given: dict[str, Any]) -> View:
-    try:
-        return View(**given, gamma=1.0 if gamma is None else gamma)
-    except ValueError as error:
-        raise _by_option(error) from error
-
-
-def _by_option(error: ValueError) -> CannotCompare:
-    """Return the error in the words of the command line: fields have units in their names."""
-    field, _, rule = str(error).partition(" ")
-    option = re.sub(r"_(ev|deg|cm|mm)$", "", field).replace("_", "-")
-    return CannotCompare(f"--{option} {rule}")
+        field, _, rule = str(error).partition(" ")
+        option = re.sub(r"_(ev|deg|cm|mm)$", "", field).replace("_", "-")
+        raise CannotCompare(f"--{option} {rule}") from error

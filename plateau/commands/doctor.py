@@ -9,21 +9,19 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from plateau.exit_codes import ExitCode
-from plateau.farm.blobs.probe import check_create_once
-from plateau.farm.blobs.store import Blobs
-from plateau.farm.model.renderers import MITSUBA, RendererFacts, renderers, shown_name
-from plateau.farm.process.settings import Settings
-from plateau.farm.redis.embedded import find_redis_server
-from plateau.farm.redis.health import examine
-from plateau.farm.redis.url import without_password
-from plateau.processes.read_settings import farm_settings
-from plateau.service.monitor.denoising import oidn
-from plateau.worker.confinement.confine import try_here
-from plateau.worker.renderers.program import command, release
-from plateau.worker.supervisor.variants import VariantChoice, choose, is_here, probe
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import app
+from plateau.commands.printing import print_json
+from plateau.errors import CommandFailed, ExitCode, needs
+
+if TYPE_CHECKING:
+    from plateau.farm.model.renderers import RendererFacts
+    from plateau.farm.process.settings import Settings
+    from plateau.worker.supervisor.variants import VariantChoice
 
 #: The longest that a renderer may look for devices; a driver may start first.
 _DEVICES_S: Final = 120.0
@@ -39,8 +37,34 @@ class Check:
     needed: bool = False  #: whether nothing can be rendered if it fails
 
 
-def doctor(*, as_json: bool) -> int:
-    """Run all checks and print the results; returns the exit code."""
+@app.command()
+def doctor(
+    notify: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Only send a test message to this target of PLATEAU_NOTIFY_FILE, and say whether "
+            "it was taken.",
+        ),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Check what works on this machine, and explain what does not.
+
+    For example:
+      plateau doctor
+      PLATEAU_NOTIFY_FILE=/etc/plateau/targets plateau doctor --notify ops
+
+    The exit code is 1 if nothing can be rendered, or the message cannot be sent. Its reason is then
+    shown, and may have parts of the target's URL.
+    """
+    if notify is not None:
+        _notify(notify, as_json=as_json)
+        return
+    from plateau.farm.model.renderers import MITSUBA, renderers
+    from plateau.processes.read_settings import farm_settings
+    from plateau.worker.supervisor.variants import choose
+
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
@@ -51,14 +75,14 @@ def doctor(*, as_json: bool) -> int:
     can_render = all(check.ok for check in checks if check.needed)
     shown = _without_passwords(settings)
     if as_json:
-        found = {
+        found: dict[str, object] = {
             "can_render": can_render,
             "variant": choice.variant,
             "why": choice.why,
             "checks": [asdict(check) for check in checks],
             "settings": shown,
         }
-        print(json.dumps(found, indent=2))
+        print_json(found)
     else:
         for check in checks:
             mark = "ok" if check.ok else "NO" if check.needed else "–"
@@ -71,7 +95,7 @@ def doctor(*, as_json: bool) -> int:
             if can_render
             else "\nnothing can be rendered"
         )
-    return ExitCode.OK if can_render else ExitCode.FAILED
+    raise typer.Exit(ExitCode.OK if can_render else ExitCode.FAILED)
 
 
 def _machine() -> Iterator[Check]:
@@ -82,7 +106,13 @@ def _machine() -> Iterator[Check]:
     yield Check("cores", f"{cores} of {platform.machine()}")
 
 
-def _stores(settings: Settings) -> Iterator[Check]:
+def _stores(settings: "Settings") -> Iterator[Check]:
+    from plateau.farm.blobs.probe import check_create_once
+    from plateau.farm.blobs.store import Blobs
+    from plateau.farm.redis.embedded import find_redis_server
+    from plateau.farm.redis.health import examine
+    from plateau.farm.redis.url import without_password
+
     binary = find_redis_server()
     if binary is None:
         detail = "no redis-server: apt install redis-server, or use Python 3.10–3.12"
@@ -105,7 +135,7 @@ def _stores(settings: Settings) -> Iterator[Check]:
         yield Check("blob store", f"{shown}: {error}", ok=False, needed=True)
 
 
-def _folders(settings: Settings) -> Iterator[Check]:
+def _folders(settings: "Settings") -> Iterator[Check]:
     for name, folder in (("data folder", settings.data), ("cache folder", settings.cache)):
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -115,7 +145,7 @@ def _folders(settings: Settings) -> Iterator[Check]:
         yield Check(name, f"{folder}: {problem or 'can be written'}", ok=not problem, needed=True)
 
 
-def _variants(choice: VariantChoice) -> Iterator[Check]:
+def _variants(choice: "VariantChoice") -> Iterator[Check]:
     variants = {one.variant for one in choice.tried}
     if "cuda_ad_rgb" not in variants:
         yield Check("CUDA", "no driver found", ok=False)
@@ -129,8 +159,12 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
     yield Check("workers render with", choice.why, ok=works, needed=True)
 
 
-def _renderer(one: RendererFacts) -> Iterator[Check]:
+def _renderer(one: "RendererFacts") -> Iterator[Check]:
     """Check a renderer that Plateau does without."""
+    from plateau.farm.model.renderers import shown_name
+    from plateau.worker.renderers.program import command, release
+    from plateau.worker.supervisor.variants import is_here, probe
+
     variant = shown_name(f"{one.name}:{one.variants[0].own_name}")
     if not is_here(variant):
         yield Check(variant, one.missing, ok=False)
@@ -144,7 +178,7 @@ def _renderer(one: RendererFacts) -> Iterator[Check]:
         done = subprocess.run(
             command(variant, one.devices),
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=_DEVICES_S,
             check=True,
         )
@@ -157,6 +191,8 @@ def _renderer(one: RendererFacts) -> Iterator[Check]:
 
 
 def _denoiser() -> Check:
+    from plateau.picture.denoising import oidn
+
     try:
         detail = f"Open Image Denoise {oidn.version()}, for jobs that ask for it"
     except ImportError as error:
@@ -166,6 +202,8 @@ def _denoiser() -> Check:
 
 
 def _confinement() -> Iterator[Check]:
+    from plateau.worker.confinement.confine import try_here
+
     for one in try_here():
         detail = one.holds if one.error is None else f"not confined: {one.error}"
         yield Check(f"a render child's {one.name}", detail, ok=one.error is None)
@@ -173,15 +211,33 @@ def _confinement() -> Iterator[Check]:
 
 def _redis_version(binary: Path) -> str:
     answer = subprocess.run(
-        [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
+        [binary, "--version"], capture_output=True, encoding="utf-8", timeout=10, check=False
     ).stdout
     words = [word.removeprefix("v=") for word in answer.split() if word.startswith("v=")]
     return words[0] if words else "of unknown version"
 
 
-def _without_passwords(settings: Settings) -> dict[str, object]:
+def _without_passwords(settings: "Settings") -> dict[str, object]:
+    from plateau.farm.redis.url import without_password
+
     shown: dict[str, object] = settings.model_dump(mode="json")
     for name in ("redis_url", "blobs"):
         if shown[name] is not None:
             shown[name] = without_password(str(shown[name]))
     return shown
+
+
+def _notify(name: str, *, as_json: bool) -> None:
+    """Send a test message to a target, or fail with what apprise said."""
+    from plateau.processes.read_settings import read_settings
+    from plateau.service.notices.targets import read_targets
+
+    with needs("monitor,notify"):
+        from plateau.service.monitor.notifier.notes import Note, NotNotified, send
+
+        test = Note("Plateau: a test", "This target is notified when jobs end that name it.")
+        try:
+            send(name, read_targets(read_settings()).url(name), test)
+        except NotNotified as error:
+            raise CommandFailed(f"{name} was not notified: {error.said}") from None
+    print(json.dumps({"target": name, "notified": True}) if as_json else f"{name} was notified")

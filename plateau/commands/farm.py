@@ -1,111 +1,92 @@
-"""`plateau workers | scenes`: the farm's workers and stored scenes."""
+"""`plateau drain | usage`: workers that are to stop, and what the jobs have cost."""
 
-import json
-from datetime import datetime
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import app
 from plateau.commands.connect import connect
-from plateau.farm.model.job import utc_now
-from plateau.farm.model.worker import Worker
-from plateau.farm.wire.figures import duration, percent, significant
-from plateau.farm.wire.job_text import share_of, size
-from plateau.farm.wire.views import SceneView
-from plateau.terminal.tables import print_rows
+from plateau.commands.printing import print_one, print_table
+from plateau.errors import tell
+from plateau.farm.model.usage import Grouping
+from plateau.farm.wire.figures import significant
 
-WORKER_COLUMNS = (
-    "id",
-    "host",
-    "variant",
-    "threads",
-    "pool",
-    "renders",
-    "rate",
-    "done",
-    "load",
-    "memory",
-    "disk free",
-    "°C",
-    "core hours",
-    "up",
-    "version",
-    "trouble",
-)
-_SPARE = (
-    "version",
-    "disk free",
-    "°C",
-    "memory",
-    "core hours",
-    "up",
-    "threads",
-    "host",
-    "done",
-    "pool",
-    "rate",
-    "variant",
-)
+if TYPE_CHECKING:
+    from plateau.farm.wire.usage_views import UsageRow
 
 
-def workers(*, url: str | None, as_json: bool) -> None:
-    """Print the living workers."""
-    with connect(url) as client:
-        found = client.workers()
-    if as_json:
-        print(json.dumps([worker.model_dump(mode="json") for worker in found], indent=2))
-    else:
-        now = utc_now()
-        print_rows(
-            WORKER_COLUMNS,
-            [worker_row(worker, now) for worker in found],
-            none="there is no worker; `plateau worker` starts one, `plateau up --workers N` "
-            "starts N",
-            spare=_SPARE,
-        )
+@app.command()
+def drain(
+    worker_id: Annotated[
+        str,
+        typer.Argument(metavar="WORKER", help="The worker's id, as `plateau list workers` has it."),
+    ],
+    undo: Annotated[bool, typer.Option("--undo", help="Let it take slices again.")] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Let a worker finish its slice and take no more, so that it can be stopped without loss.
 
+    For example:
+      plateau drain vm-23618-bc86
+      plateau drain vm-23618-bc86 --undo
 
-def drain(worker_id: str, *, undo: bool, url: str | None, as_json: bool) -> None:
-    """Drain a worker, or let it take slices again."""
+    It lasts as long as that process lives. If the service has keys, it needs an admin's.
+    """
     with connect(url) as client:
         worker = client.undrain(worker_id) if undo else client.drain(worker_id)
     state = "drained" if worker.drained else "takes slices"
-    print(worker.model_dump_json(indent=2) if as_json else f"{worker.id} {state}")
+    print_one(worker, f"{worker.id} {state}", as_json=as_json)
 
 
-def scenes(*, url: str | None, as_json: bool) -> None:
-    """Print the stored scenes."""
+@app.command()
+def usage(
+    by: Annotated[Grouping, typer.Option(help="What a row is.")] = "week",
+    since: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Jobs submitted from this day, or time (UTC), on."),
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option(metavar="TIME", help="And before this day or time.")
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Sum up what the stored jobs have cost, in core hours.
+
+    For example:
+      plateau usage
+      plateau usage --by owner --since 2026-11-01 --csv > november.csv
+
+    In a pipe, columns are separated by tabs: week, owner, batch or job, name, jobs, core hours,
+    core hours saved. The total goes to standard error. Removed jobs do not count any more.
+    """
+    if as_csv and as_json:
+        raise typer.BadParameter("--csv and --json are two forms: choose one")
     with connect(url) as client:
-        found = client.scenes()
+        if as_csv:
+            print(client.usage_csv(by, since=since, until=until), end="")
+            return
+        found = client.usage(by, since=since, until=until)
     if as_json:
-        print(json.dumps([scene.model_dump(mode="json") for scene in found], indent=2))
-    else:
-        columns, rows = ("sha256", "name", "size", "film"), list(map(_scene_row, found))
-        print_rows(columns, rows, none="no scene is stored", spare=("film", "size"))
+        print(found.model_dump_json(indent=2))
+        return
+    columns = (by, "name", "jobs", "core hours", "saved")
+    none = "there is no job of that time"
+    print_table(found.rows, columns, _usage_row, none=none, spare=("saved", "name", "jobs"))
+    if found.rows:
+        total = found.total
+        of = "1 job" if total.jobs == 1 else f"{total.jobs:,} jobs"
+        tell(f"{of}: {significant(total.core_hours)} core hours")
 
 
-def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
-    """The worker as a row of a table with `WORKER_COLUMNS`."""
-    rate, machine = worker.samples_per_s, worker.machine
-    free = None if machine is None else machine.disk_free_bytes
-    temperature = None if machine is None else machine.temperature_c
+def _usage_row(row: "UsageRow") -> tuple[str, ...]:
     return (
-        worker.id,
-        worker.host,
-        worker.variants[0] if worker.variants else "–",
-        str(worker.threads),
-        ", ".join((worker.pool, *worker.tags)),
-        "–" if worker.job is None else f"{worker.job}/{worker.slice}",
-        "–" if rate is None else f"{rate / 1e6:.2f} Msamples/s",
-        str(worker.slices_done),
-        "–" if machine is None else percent(machine.load),
-        "–" if machine is None else share_of(machine.memory_used_bytes, machine.memory_bytes),
-        "–" if free is None else size(free),
-        "–" if temperature is None else f"{temperature:.0f}",
-        "–" if worker.core_hours is None else significant(worker.core_hours),
-        duration(max(0.0, (now - worker.started_at).total_seconds())),
-        worker.plateau or "–",
-        worker.trouble or worker.last_error or "–",
+        row.key or "–",
+        row.name or "–",
+        f"{row.jobs:,}",
+        significant(row.core_hours),
+        significant(row.saved_core_hours),
     )
-
-
-def _scene_row(scene: SceneView) -> tuple[str, ...]:
-    film = "–" if scene.width is None or scene.height is None else f"{scene.width}×{scene.height}"
-    return (scene.sha256, scene.name, size(scene.bytes), film)

@@ -1,58 +1,109 @@
-"""`plateau keys` and `plateau redis-acl`: access rights.
-
-The first works on the farm's Redis directly, so an operator needs no API key.
-"""
+"""`plateau keys`: API keys, in the farm's Redis itself, so an operator needs no API key."""
 
 import json
-import os
-import re
-import secrets
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from pydantic import ValidationError
+import typer
 
+from plateau.commands import options as o
+from plateau.commands.app import group
+from plateau.commands.printing import print_json
 from plateau.errors import CommandFailed, tell
-from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
-from plateau.farm.ledger.schema import check_schema
-from plateau.farm.model import input_errors
-from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.settings import Settings
-from plateau.farm.redis.acl import acl_file, rules
-from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import connect
-from plateau.files.out_folder import make
-from plateau.processes.data_folder import DataFolder
-from plateau.processes.read_settings import farm_settings, secret_in
-from plateau.processes.redis_at_hand import redis_at_hand
-from plateau.terminal.tables import print_rows
+
+if TYPE_CHECKING:
+    from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+    from plateau.farm.redis.client import RedisClient
 
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
 _SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
 #: For a Redis that starts at the same time, and whose volume may have to be made first.
 _PATIENCE_S: Final = 300.0
-_REDIS_VERSION: Final = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
+_KeyId = Annotated[
+    str,
+    typer.Argument(metavar="KEY", help="The key's id or name, as `plateau keys list` shows it."),
+]
 
-def create(
-    name: str, role: str, limits: dict[str, float | None], *, key_from: Path | None, as_json: bool
-) -> None:
-    """Make a key and print it on standard output, and messages on standard error.
-
-    A key from a file is not printed, and waits for a Redis that is away, for some minutes: whoever
-    deploys a farm starts it and its Redis at once.
+keys = group(
+    "keys",
     """
-    settings = farm_settings()
+    API keys: who may use the service, in which role, with which limits.
+
+    Works on PLATEAU_REDIS_URL if it is set, otherwise on the data folder, whether `plateau up` is
+    running or not. Once a key has been made, every request to the service needs one.
+    """,
+)
+
+
+@keys.command()
+def create(
+    name: Annotated[
+        str, typer.Argument(help="The person or program that uses it; shown with each job.")
+    ],
+    role: Annotated[
+        str,
+        typer.Option(
+            help="viewer (reads), submitter (also submits jobs and controls its own) or admin "
+            "(also controls the jobs of others)."
+        ),
+    ] = "submitter",
+    requests_per_minute: Annotated[
+        float, typer.Option(help="Requests a minute that it may make.")
+    ] = 1200.0,
+    burst: Annotated[
+        int, typer.Option(help="Requests that it may make at once, after a pause.")
+    ] = 200,
+    upload_gb: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest scene that it may upload, in GB.",
+            show_default="PLATEAU_MAX_UPLOAD_GB",
+            max=2**20,
+        ),
+    ] = None,
+    scenes_gb: Annotated[
+        float,
+        typer.Option(help="Total size of the scenes that it may store, in GB.", max=2**30),
+    ] = 50.0,
+    open_jobs: Annotated[int, typer.Option(help="Jobs that it may have open at once.")] = 10_000,
+    key_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Take the key from FILE, such as a mounted secret, instead of making one. Nothing "
+            "is printed, and repeating it is harmless. Waits 5 minutes for a Redis that is away.",
+        ),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Make a key and print it. It cannot be printed again: only a hash of it is kept.
+
+    For example:
+      export PLATEAU_KEY=$(plateau keys create me)
+      plateau keys create prometheus --role viewer > /etc/prometheus/plateau.key
+      plateau keys create scaler --role viewer --from /run/secrets/plateau-scaler
+    """
+    from plateau.processes.read_settings import secret_in
+
     if not (name.isprintable() and name.strip() and len(name) <= 100):
         raise CommandFailed("a key's name has 1 to 100 printable characters")
-    known, allowed = _role(role), _limits(limits)
+    known = _role(role)
+    allowed = _limits(
+        requests_per_minute=requests_per_minute,
+        burst=burst,
+        upload_gb=upload_gb,
+        scenes_gb=scenes_gb,
+        open_jobs=open_jobs,
+    )
     shown = None if key_from is None else secret_in(key_from, "--from")
     patience_s = 0.0 if shown is None else _PATIENCE_S
-    with _keys(settings, may_begin=True, patience_s=patience_s) as keys:
+    with _keys(may_begin=True, patience_s=patience_s) as keys:
         first = not keys.any_made()
         if shown is None:
             key, made = keys.create(name, known, allowed)
@@ -60,16 +111,23 @@ def create(
         else:
             key = keys.admit(shown, name, known, allowed)
             if as_json:
-                print(json.dumps(_document(key, None), indent=2))
+                print_json(_document(key, None))
     done = "made" if shown is None else "took"
     tell(f"{done} key {key.id} ({key.name}) with the role {key.role.value}")
     if first:
         tell("this is the first key: from now on, every request to the service needs a key")
 
 
-def list_keys(*, as_json: bool) -> None:
-    """Print all keys, by age."""
-    with _keys(farm_settings()) as keys:
+@keys.command("list")
+def list_keys(as_json: o.Json = False) -> None:
+    """List all keys, revoked ones included. Their secrets cannot be shown again.
+
+    For example:
+      plateau keys list
+    """
+    from plateau.terminal.tables import print_rows
+
+    with _keys() as keys:
         found, used = keys.all(), keys.last_used()
     if as_json:
         print(json.dumps([_document(key, used.get(key.id)) for key in found], indent=2))
@@ -83,21 +141,33 @@ def list_keys(*, as_json: bool) -> None:
         )
 
 
-def rotate(given: str, *, as_json: bool) -> None:
-    """Give a key another secret; prints as `create`."""
-    with _keys(farm_settings()) as keys:
+@keys.command()
+def rotate(given: _KeyId, as_json: o.Json = False) -> None:
+    """Give a key another secret and print it. The old secret stops working at once.
+
+    For example:
+      plateau keys rotate 3f9ac2d01b77
+
+    Name, role, limits and jobs stay. Another key could not control these jobs.
+    """
+    with _keys() as keys:
         key, shown = keys.rotate(_named(keys, given).id)
     _show(key, shown, as_json=as_json)
     tell(f"key {key.id} ({key.name}) has a new secret; the old one is refused from now on")
 
 
-def revoke(given: str, *, as_json: bool) -> None:
-    """Revoke a key."""
-    with _keys(farm_settings()) as keys:
+@keys.command()
+def revoke(given: _KeyId, as_json: o.Json = False) -> None:
+    """Revoke a key. It stops working at once; its jobs continue and keep its name.
+
+    For example:
+      plateau keys revoke 3f9ac2d01b77
+    """
+    with _keys() as keys:
         key = keys.revoke(_named(keys, given).id)
         left = any(one.usable for one in keys.all())
     if as_json:
-        print(json.dumps(_document(key, None), indent=2))
+        print_json(_document(key, None))
     tell(f"key {key.id} ({key.name}) is refused from now on; its jobs continue")
     if not left:
         tell(
@@ -107,10 +177,15 @@ def revoke(given: str, *, as_json: bool) -> None:
 
 
 @contextmanager
-def _keys(
-    settings: Settings, *, may_begin: bool = False, patience_s: float = 0.0
-) -> Iterator[ApiKeys]:
+def _keys(*, may_begin: bool = False, patience_s: float = 0.0) -> "Iterator[ApiKeys]":
     """The keys in the farm's Redis, after a check of its data's layout."""
+    from plateau.farm.ledger.api_keys import ApiKeys
+    from plateau.farm.redis.link import connect
+    from plateau.processes.data_folder import DataFolder
+    from plateau.processes.read_settings import farm_settings
+    from plateau.processes.redis_at_hand import redis_at_hand
+
+    settings = farm_settings()
     data = DataFolder(settings.data)
     with ExitStack() as stack:
         url = redis_at_hand(settings, data, stack, may_begin=may_begin)
@@ -119,8 +194,11 @@ def _keys(
         yield ApiKeys(client)
 
 
-def _check(client: RedisClient, patience_s: float) -> None:
+def _check(client: "RedisClient", patience_s: float) -> None:
     """Check the layout of the data, and wait for as long as this for a Redis that is away."""
+    from plateau.farm.ledger.schema import check_schema
+    from plateau.farm.model.errors import StoreUnavailable
+
     deadline, told = time.monotonic() + patience_s, False
     while True:
         try:
@@ -134,7 +212,7 @@ def _check(client: RedisClient, patience_s: float) -> None:
         time.sleep(1)
 
 
-def _named(keys: ApiKeys, given: str) -> ApiKey:
+def _named(keys: "ApiKeys", given: str) -> "ApiKey":
     """The key with this id, or the only key with this name; usable keys come before revoked."""
     every = keys.all()
     same_id = [key for key in every if key.id == given]
@@ -150,7 +228,9 @@ def _named(keys: ApiKeys, given: str) -> ApiKey:
     return found[0]
 
 
-def _role(name: str) -> Role:
+def _role(name: str) -> "Role":
+    from plateau.farm.ledger.api_keys import Role
+
     try:
         return Role(name)
     except ValueError:
@@ -158,7 +238,12 @@ def _role(name: str) -> Role:
         raise CommandFailed(f"there is no role {name!r}; there are {known}") from None
 
 
-def _limits(given: dict[str, float | None]) -> KeyLimits:
+def _limits(**given: float | None) -> "KeyLimits":
+    from pydantic import ValidationError
+
+    from plateau.farm.ledger.api_keys import KeyLimits
+    from plateau.farm.model import input_errors
+
     asked: dict[str, Any] = dict(given)
     for name in ("upload", "scenes"):
         gigabytes = asked.pop(f"{name}_gb")
@@ -174,16 +259,16 @@ def _limits(given: dict[str, float | None]) -> KeyLimits:
         raise CommandFailed(f"--{option}: {message}") from None
 
 
-def _show(key: ApiKey, shown: str, *, as_json: bool) -> None:
+def _show(key: "ApiKey", shown: str, *, as_json: bool) -> None:
     print(json.dumps({**_document(key, None), "key": shown}, indent=2) if as_json else shown)
 
 
-def _document(key: ApiKey, last_used: datetime | None) -> dict[str, Any]:
+def _document(key: "ApiKey", last_used: datetime | None) -> dict[str, Any]:
     document: dict[str, Any] = key.model_dump(mode="json", exclude={"sha256"})
     return {**document, "last_used_at": None if last_used is None else last_used.isoformat()}
 
 
-def _row(key: ApiKey, last_used: datetime | None) -> tuple[str, ...]:
+def _row(key: "ApiKey", last_used: datetime | None) -> tuple[str, ...]:
     limits = key.limits
     return (
         key.id,
@@ -199,29 +284,3 @@ def _row(key: ApiKey, last_used: datetime | None) -> tuple[str, ...]:
 
 def _day(moment: datetime) -> str:
     return f"{moment:%Y-%m-%d}"
-
-
-def redis_acl(passwords: Path | None, redis: str) -> None:
-    """Print an ACL file; makes the passwords that are missing in their folder."""
-    match = _REDIS_VERSION.fullmatch(redis)
-    version = (int(match[1]), int(match[2])) if match else (0, 0)
-    if version < (6, 2):
-        raise CommandFailed(f"{redis!r} is not a version of Redis from 6.2 on")
-    users = rules(version)
-    known = {} if passwords is None else {user: _password(passwords, user) for user in users}
-    print(acl_file(known, version), end="")
-
-
-def _password(folder: Path, user: str) -> str:
-    """The user's password; a missing one is made, in a file that only its owner can read."""
-    file = folder / f"{user}.password"
-    if not file.exists():
-        make(folder, "--passwords", mode=0o700)
-        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w") as made:
-            made.write(f"{secrets.token_hex(32)}\n")
-        tell(f"made {file}")
-    password = file.read_text().strip()
-    if not password:
-        raise CommandFailed(f"{file} is empty")
-    return password

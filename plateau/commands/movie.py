@@ -5,27 +5,55 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
-from rich.console import Console
-from rich.progress import track
+import typer
 
-from plateau.client import ApiError, Client
-from plateau.commands.batches import in_order
+from plateau.commands import options as o
+from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.watch import in_order
 from plateau.errors import CommandFailed, tell
-from plateau.farm.wire.views import JobView
-from plateau.files.movie import SUFFIXES, write_movie
-from plateau.files.sequence import frames_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from plateau.client import Client
+    from plateau.farm.wire.views import JobView
 
 
-def movie(name: str, out: Path, *, rate: str, url: str | None, as_json: bool) -> None:
-    """Write the movie of a batch's newest pictures, and print what it is."""
+@app.command()
+def movie(
+    name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="The movie: .mp4 or .mov (H.264), or .webm (VP9)."
+        ),
+    ],
+    fps: Annotated[
+        str, typer.Option(metavar="RATE", help="Frames per second, such as 29.97 or 30000/1001.")
+    ] = "24",
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Write the pictures of a batch as a movie.
+
+    For example:
+      plateau movie walk -o walk.mp4
+      plateau watch --batch walk && plateau movie walk -o walk.webm --fps 30
+
+    Frames play by the parameter that tells them apart, if it is a number, or else as they were
+    submitted; of a frame that was rendered again the newest job counts. While a batch is rendered,
+    its frames are as they are now, and the one before stands in for a frame without an image.
+    """
+    from plateau.files.movie import SUFFIXES, write_movie
+    from plateau.files.sequence import frames_of
+
     if out.suffix not in SUFFIXES:
         raise CommandFailed(f"-o {out} names no movie: let it end with {', '.join(SUFFIXES)}")
-    pace = _rate(rate)
+    pace = _rate(fps)
     with connect(url) as client:
         frames = frames_of(in_order(client, client.batch(name)))
         open_ones = sum(frame.finished_at is None for frame in frames)
@@ -54,13 +82,16 @@ def _rate(text: str) -> Fraction:
 class _Pictures:
     """The pictures of the frames; the one before stands in for a frame that has none."""
 
-    def __init__(self, client: Client, frames: Sequence[JobView]) -> None:
+    def __init__(self, client: "Client", frames: "Sequence[JobView]") -> None:
         self._client = client
         self._frames = frames
         self.shown = 0
         self.missing: list[str] = []  #: the jobs without an image
 
-    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
+    def __iter__(self) -> "Iterator[NDArray[np.uint8]]":
+        from rich.console import Console
+        from rich.progress import track
+
         last: NDArray[np.uint8] | None = None
         console = Console(stderr=True)
         for frame in track(
@@ -80,7 +111,12 @@ class _Pictures:
                 "no job of the batch has an image yet: `plateau watch` waits for it"
             )
 
-    def _picture(self, frame: JobView) -> NDArray[np.uint8] | None:
+    def _picture(self, frame: "JobView") -> "NDArray[np.uint8] | None":
+        import numpy as np
+        from PIL import Image
+
+        from plateau.client import ApiError
+
         try:
             content = self._client.image(frame.id)
         except ApiError as error:

@@ -3,15 +3,14 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from plateau.commands.own_farm import checked_settings, render_alone
-from plateau.errors import tell
-from plateau.exit_codes import EXIT_CODES
-from plateau.farm.model.spec import JobSpec
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import app
+from plateau.errors import EXIT_CODES, tell
 from plateau.farm.model.states import JobState
-from plateau.files.out_folder import make_ready
-from plateau.processes.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -19,34 +18,62 @@ if TYPE_CHECKING:
     from plateau.terminal.progress import Progress
 
 
+@app.command()
+@o.takes_spec(but=o.AMONG_MANY)
 def render(
-    scene: Path,
-    out: Path,
-    spec: JobSpec,
-    *,
-    workers: int,
-    threads: int | None,
-    as_json: bool,
-    curve: bool = True,
-) -> int:
-    """Render the scene until its job has ended, and write its results; returns the exit code."""
+    scene: o.Scene,
+    spec: o.Spec,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+    ] = Path("plateau-out"),
+    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=1, max=256)] = 1,
+    threads: Annotated[
+        int | None,
+        typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
+    ] = None,
+    no_curve: o.NoCurve = False,
+    as_json: o.Json = False,
+) -> None:
+    """Render one scene on this machine until it has converged.
+
+    For example:
+      plateau render scenes:box -o out -D width=512 -D height=512
+      plateau render scene.xml --rule fixed --spp 400
+      plateau render scene.xml --allocation zones
+      plateau render scene.xml --denoise oidn
+
+    Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
+    difference.png (pixels that have changed since the first image), noise.png (pixels whose noise
+    is left to see), curve.csv, curve.svg, report.html (all of it on one page), summary.txt and
+    summary.json. With --allocation zones, spp.png shows which parts of the image have many samples
+    (yellow) and which few (dark blue). With the rule jod, quality.png shows where a person would
+    see the noise (yellow). If pixels are NaN or infinite, non-finite.png marks them; more than 0.1
+    % of such pixels fail the job. The files of an earlier job in DIR are replaced at the end, all
+    together, and no other command can write there meanwhile. Ctrl-C cancels the job and still
+    writes its results; a second Ctrl-C exits at once. If DIR cannot be written, the command fails
+    before it renders anything. If DIR becomes unwritable later, the results go to a temporary
+    folder, which the command names.
+    """
+    from plateau.files.out_folder import ready
+    from plateau.processes.interrupts import Interrupts
+    from plateau.rendering.own_farm import checked_settings, render_alone
+
     settings = checked_settings(scene, spec)
-    make_ready(out)
 
     def progress(_: "Client") -> "Progress":
         from rich.console import Console
 
         from plateau.terminal.progress import progress_on
 
-        return progress_on(Console(stderr=True), curve=curve)
+        return progress_on(Console(stderr=True), curve=not no_curve)
 
     def write(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> dict[str, Any]:
-        from plateau.commands.outputs import write_or_keep
+        from plateau.rendering.outputs import write_or_keep
 
         # The tree stops while the curve is drawn: nothing more is asked of it.
         return write_or_keep(client, job, out, when_fetched=when_fetched)
 
-    with Interrupts() as interrupts:
+    with ready(out), Interrupts() as interrupts:
         try:
             job, about = render_alone(
                 scene,
@@ -59,7 +86,7 @@ def render(
                 fetch=write,
             )
         except KeyboardInterrupt:
-            return interrupts.exit_code
+            raise typer.Exit(interrupts.exit_code) from None
 
     if as_json:
         print(json.dumps(about, indent=2))
@@ -72,5 +99,5 @@ def render(
     if job.state is JobState.FAILED:
         tell(f"the job failed: {job.reason}")
     if job.state is JobState.CANCELLED and interrupts.asked.is_set():
-        return interrupts.exit_code
-    return EXIT_CODES[job.state]
+        raise typer.Exit(interrupts.exit_code)
+    raise typer.Exit(EXIT_CODES[job.state])

@@ -1,34 +1,87 @@
 """`plateau up`, and its processes alone: `plateau api | monitor | worker`."""
 
+import inspect
 import logging
 import os
-import threading
-from typing import Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import app
 from plateau.errors import CommandFailed, tell
-from plateau.exit_codes import ExitCode
-from plateau.farm.ledger.api_keys import ApiKeys
-from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.addresses import is_loopback
-from plateau.farm.process.settings import Settings
-from plateau.farm.redis.link import connect
-from plateau.farm.redis.url import without_password
-from plateau.processes.data_folder import DataFolder
-from plateau.processes.interrupts import Interrupts
-from plateau.processes.process import run_until_signal, when_checked
-from plateau.processes.read_settings import farm_settings
-from plateau.processes.standing import Standing
-from plateau.processes.tree import Door, Tree
+
+if TYPE_CHECKING:
+    from plateau.farm.process.settings import Settings
+    from plateau.farm.process.waits import Stop
+    from plateau.processes.data_folder import DataFolder
+    from plateau.processes.tree import Door, Tree
 
 _LOG = logging.getLogger("plateau")
 
 _TICK_S: Final = 0.2
 
 
-def up(door: Door, *, workers: int) -> int:
-    """Run the whole service until a signal; returns the exit code."""
+def _door(
+    *,
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Address to listen on. One that other machines can reach needs an API key first."
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(help="Port to listen on; 0 chooses a free one.", min=0, max=65535)
+    ] = 8713,
+    open_to_all: Annotated[
+        bool,
+        typer.Option(
+            "--open", help="Require no API key, even if there are some. On a loopback address only."
+        ),
+    ] = False,
+    tls_certificate: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Certificate for HTTPS: a PEM file with its chain."),
+    ] = None,
+    tls_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Private key of the certificate.")
+    ] = None,
+) -> "Door":
+    from plateau.processes.tree import Door
+
+    if (tls_certificate is None) != (tls_key is None):
+        raise typer.BadParameter("give --tls-certificate and --tls-key together")
+    return Door(host, port, open_to_all, tls_certificate, tls_key)
+
+
+_takes_door = o.taking("door", _door, list(inspect.signature(_door).parameters.values()))
+
+
+@app.command()
+@_takes_door
+def up(
+    door: Any,
+    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=0, max=256)] = 1,
+) -> None:
+    """Run the whole service on this machine until Ctrl-C.
+
+    For example:
+      plateau up --workers 2
+
+    Starts an API, a monitor, workers and an embedded Redis. The data folder survives a restart, and
+    jobs continue. If PLATEAU_REDIS_URL or PLATEAU_BLOBS is set, that Redis or blob store is used.
+    """
+    from plateau.processes.data_folder import DataFolder
+    from plateau.processes.ground import check_ground
+    from plateau.processes.interrupts import Interrupts
+    from plateau.processes.read_settings import farm_settings
+    from plateau.processes.tree import Tree
+
     settings = farm_settings()
-    with Interrupts() as interrupts, DataFolder(settings.data) as data:
+    alone = settings.redis_url is None
+    check_ground(settings, caches=workers > 0, has_redis=alone, data=settings.data)
+    with DataFolder(settings.data) as data, Interrupts() as interrupts:
         try:
             with Tree(
                 settings, data, interrupts, workers=workers, door=door, tell=tell, most_deaths=None
@@ -39,19 +92,26 @@ def up(door: Door, *, workers: int) -> int:
                     tree.check()
                 tell("stopping; Ctrl-C again stops by force")
         except KeyboardInterrupt:
-            return interrupts.exit_code
-    return ExitCode.OK
+            raise typer.Exit(interrupts.exit_code) from None
 
 
-def api(door: Door, *, ready_fd: int | None) -> None:
-    """Run an API until a signal."""
+@app.command()
+@_takes_door
+def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = None) -> None:
+    """Run one API process.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau api
+    """
+    from plateau.processes.process import run_until_signal
+    from plateau.processes.standing import Standing
     from plateau.service.api import process
 
     tls = None
     if door.certificate is not None and door.private_key is not None:
         tls = process.Tls(door.certificate, door.private_key)
 
-    def serve(settings: Settings, stop: threading.Event) -> None:
+    def serve(settings: "Settings", stop: "Stop") -> None:
         standing = Standing(settings, stop)
         if stop.is_set():
             return
@@ -61,7 +121,7 @@ def api(door: Door, *, ready_fd: int | None) -> None:
             _LOG.info("the API listens at %s", url)
             _LOG.info(who_may)
             if ready_fd is not None:
-                with os.fdopen(ready_fd, "w") as pipe:
+                with os.fdopen(ready_fd, "w", encoding="utf-8") as pipe:
                     pipe.write(f"{url}\n")
             standing.start()
 
@@ -81,24 +141,51 @@ def api(door: Door, *, ready_fd: int | None) -> None:
     run_until_signal("api", serve)
 
 
+@app.command()
 def monitor() -> None:
-    """Run a monitor until a signal."""
+    """Run one monitor, which merges slices, evaluates the image, and ends jobs.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau monitor
+
+    Any number of monitors may run. When one dies, another takes over its jobs.
+    """
+    from plateau.processes.process import run_until_signal, when_checked
     from plateau.service.monitor.monitor import run
 
     run_until_signal("monitor", when_checked(run))
 
 
-def worker(*, pool: str | None, tags: list[str] | None) -> None:
-    """Run a worker until a signal, in this pool and with these tags if they are given."""
+@app.command()
+def worker(
+    pool: Annotated[
+        str | None, typer.Option(help="Pool whose jobs it renders.", show_default="default")
+    ] = None,
+    tag: Annotated[
+        list[str] | None, typer.Option(help="Tag that jobs may require; may be repeated.")
+    ] = None,
+) -> None:
+    """Run one worker, which renders slices of the jobs that fit its pool, tags and variants.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau worker
+      plateau worker --pool night --tag gpu --tag highmem
+
+    PLATEAU_THREADS limits its threads. A worker may be stopped, or die, at any time.
+    """
+    from plateau.processes.process import run_until_signal, when_checked
     from plateau.worker.supervisor.supervisor import run
 
     # As variables, the options are checked with the other settings.
-    given = {"PLATEAU_POOL": pool, "PLATEAU_TAGS": ",".join(tags or ())}
+    given = {"PLATEAU_POOL": pool, "PLATEAU_TAGS": ",".join(tag or ())}
     os.environ.update({name: value for name, value in given.items() if value})
     run_until_signal("worker", when_checked(run))
 
 
-def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
+def _greet(tree: "Tree", data: "DataFolder", door: "Door", workers: int) -> None:
+    from plateau.farm.process.settings import Settings
+    from plateau.farm.redis.url import without_password
+
     count = {0: "no worker", 1: "1 worker"}.get(workers, f"{workers} workers")
     option = "" if tree.url == Settings.model_fields["url"].default else f" --url {tree.url}"
     print(
@@ -115,8 +202,12 @@ def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
     )
 
 
-def _who_may(redis_url: str, door: Door) -> str:
+def _who_may(redis_url: str, door: "Door") -> str:
     """A sentence that says who may use the service."""
+    from plateau.farm.ledger.api_keys import ApiKeys
+    from plateau.farm.model.errors import StoreUnavailable
+    from plateau.farm.redis.link import connect
+
     if door.open_to_all:
         return "It is open to everybody on this machine, as --open asks."
     try:
@@ -134,7 +225,9 @@ def _who_may(redis_url: str, door: Door) -> str:
     return f"Every request needs an API key ({count}); commands take it from PLATEAU_KEY."
 
 
-def _about_tls(door: Door) -> str:
+def _about_tls(door: "Door") -> str:
+    from plateau.farm.redis.url import is_loopback
+
     if door.certificate is not None or is_loopback(door.host):
         return ""
     return (

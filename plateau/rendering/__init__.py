@@ -1,1 +1,1 @@
-"""`plateau.render`: a scene to its image, from Python."""
+"""From a scene to its results: `plateau.render`, and what it shares with the command line."""

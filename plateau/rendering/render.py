@@ -2,17 +2,19 @@
 
 import signal
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plateau.client.jobs import spec_of
-from plateau.commands.outputs import write_or_keep
+from plateau.client.submission import spec_of
 from plateau.errors import PlateauError
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.files.scene_at_hand import SceneAtHand, scene_file
 from plateau.processes.interrupts import Interrupts
+from plateau.rendering.outputs import write_or_keep
 from plateau.rendering.result import Result
 
 if TYPE_CHECKING:
@@ -101,9 +103,7 @@ def render(
     >>> result.save("box.exr")  # doctest: +SKIP
     """
     asked = spec_of(spec, fields)
-    folder = None if out is None else Path(out)
-    if folder is not None:
-        make_ready(folder)
+    folder = None if out is None else at_home(out)
 
     def fetch(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> Result:
         result = Result.fetched(client, job)
@@ -114,7 +114,11 @@ def render(
     def shown(client: "Client") -> "Progress":
         return _progress(client, wanted=progress)
 
-    with scene_file(scene) as file, Interrupts(signal.SIGINT) as interrupts:
+    with (
+        nullcontext() if folder is None else ready(folder),
+        scene_file(scene) as file,
+        Interrupts(signal.SIGINT) as interrupts,
+    ):
         if farm is None:
             result = _here(file, asked, interrupts, workers, threads, shown, fetch)
         else:
@@ -135,7 +139,7 @@ def _here(
     shown: Callable[["Client"], "Progress"],
     fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
 ) -> Result:
-    from plateau.commands.own_farm import checked_settings, render_alone
+    from plateau.rendering.own_farm import checked_settings, render_alone
 
     settings = checked_settings(file, spec)
     _, result = render_alone(
@@ -161,8 +165,8 @@ def _there(
     fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
 ) -> Result:
     from plateau.client import Client
-    from plateau.commands.follow import cancelling, follow
     from plateau.processes.read_settings import api_key, read_settings
+    from plateau.rendering.follow import cancelling, follow
 
     with Client(farm, key=key or api_key(read_settings())) as client:
         job = client.submit(file, spec)

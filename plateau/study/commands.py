@@ -4,20 +4,22 @@ import json
 import math
 import sys
 from dataclasses import asdict
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from plateau.commands import options as o
+from plateau.commands.app import group
 from plateau.commands.connect import connect
-from plateau.errors import CommandFailed
-from plateau.exit_codes import ExitCode
-from plateau.farm.model.job import CurvePoint, Job
-from plateau.study.answers import AnswersFit
-from plateau.study.answers_table import FittedScene, fit_table, plot_study
-from plateau.study.client import StudyCalls
-from plateau.study.model import PROBABILITIES
-from plateau.study.order import Method
-from plateau.study.views import StudyView
-from plateau.terminal.tables import print_rows
+from plateau.commands.printing import print_one, print_table
+from plateau.errors import CommandFailed, ExitCode, tell
+
+if TYPE_CHECKING:
+    from plateau.farm.model.job import CurvePoint, Job
+    from plateau.study.answers_table import FittedScene
+    from plateau.study.views import StudyView
 
 _NO_INTERVALS = (
     "a table of shares does not say how many answers it is made of, so there are no intervals; fit "
@@ -25,43 +27,92 @@ _NO_INTERVALS = (
 )
 _COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
 
+study = group(
+    "study", "Observer studies: at which spp do people stop seeing a difference?", extra="plot"
+)
 
+_StudyId = Annotated[str, typer.Argument(metavar="ID", help="The study's id.")]
+
+
+class _Method(str, Enum):
+    CONSTANT = "constant"
+    LIMITS = "limits"
+
+
+@study.command()
 def create(
-    job_id: str,
-    *,
-    reference: str | None,
-    method: Method,
-    levels: list[int],
-    at_stops: bool,
-    name: str | None,
-    url: str | None,
-    as_json: bool,
+    job_id: o.JobId,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="JOB_ID",
+            help="Job whose image is the reference; preferably with another seed.",
+            show_default="the job itself",
+        ),
+    ] = None,
+    method: Annotated[
+        _Method,
+        typer.Option(help="constant measures the thresholds; limits finds levels for it first."),
+    ] = _Method.CONSTANT,
+    level: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="SPP",
+            help="Spp of a test image; may be repeated.",
+            show_default="1 % to 25 % of the reference's",
+        ),
+    ] = None,
+    at_stops: Annotated[
+        bool,
+        typer.Option(
+            "--at-stops",
+            help="Test images where the job's rules, its own and those that it watched, stopped or "
+            "would have; between the first and the last of them; and at half and twice their spp.",
+        ),
+    ] = False,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the study.", show_default="the job's name")
+    ] = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
 ) -> None:
-    """Make a study of a job; print its id, and where observers take part."""
+    """Make a study from the kept slices of an ended job, and print its id.
+
+    For example:
+      plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4
+      plateau study create 3f9ac2d01b77 --method limits --name "BAR, first stage"
+      plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4 --at-stops
+
+    The job must have kept its slices (--keep-slices). Observers take part on the web page, at the
+    URL printed to standard error. docs/study.md explains how to run a study.
+    """
+    if at_stops and level:
+        raise typer.BadParameter("--level and --at-stops both choose the test images: give one")
+
+    from plateau.study.client import StudyCalls
+
     with connect(url) as client:
         whole_id = client.whole_id(job_id)
         if at_stops:
-            levels = levels_at_stops(client.job(whole_id), client.curve(whole_id))
+            level = levels_at_stops(client.job(whole_id), client.curve(whole_id))
         study = StudyCalls(client).create(
             whole_id,
             reference_job_id=None if reference is None else client.whole_id(reference),
-            method=method,
-            levels=levels or None,
+            method=method.value,
+            levels=level or None,
             name=name,
         )
-        print(study.model_dump_json(indent=2) if as_json else study.id)
+        print_one(study, study.id, as_json=as_json)
         if not as_json:
-            print(f"plateau: observers go to {client.url}{study.links['observe']}", file=sys.stderr)
+            tell(f"observers go to {client.url}{study.links['observe']}")
             if not study.independent:
-                print(
-                    "plateau: the reference contains the samples of the test images, which "
-                    "therefore seem closer to it than they are; name a job with another seed as "
-                    "--reference",
-                    file=sys.stderr,
+                tell(
+                    "the reference contains the samples of the test images, which therefore seem "
+                    "closer to it than they are; name a job with another seed as --reference"
                 )
 
 
-def levels_at_stops(job: Job, points: list[CurvePoint]) -> list[int]:
+def levels_at_stops(job: "Job", points: "list[CurvePoint]") -> list[int]:
     """Return the spp of test images that tell where rules disagree, in whole slices.
 
     They are where each rule first stopped, the geometric mean of the first and the last of these,
@@ -86,7 +137,7 @@ def levels_at_stops(job: Job, points: list[CurvePoint]) -> list[int]:
     return [spp for spp in levels if spp <= job.committed_spp]
 
 
-def _stops(point: CurvePoint, rule: str) -> bool:
+def _stops(point: "CurvePoint", rule: str) -> bool:
     return rule in point.rules and point.rules[rule].stop
 
 
@@ -98,107 +149,22 @@ def _said(first: dict[str, int | None]) -> str:
     return said or "its curve has no point"
 
 
-def list_studies(*, url: str | None, as_json: bool) -> None:
-    """Print all studies."""
+@study.command("list")
+def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
+    """List the studies, newest first, with their results so far.
+
+    For example:
+      plateau study list
+    """
+    from plateau.study.client import StudyCalls
+
     with connect(url) as client:
         studies = StudyCalls(client).all()
-    if as_json:
-        print(json.dumps([study.model_dump(mode="json") for study in studies], indent=2))
-        return
-    spare = ("method", "levels", "95 % interval")
-    print_rows(_COLUMNS, list(map(_row, studies)), none="there are no studies", spare=spare)
+    none, spare = "there are no studies", ("method", "levels", "95 % interval")
+    print_table(studies, _COLUMNS, _row, none=none, spare=spare, as_json=as_json)
 
 
-def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_json: bool) -> None:
-    """Write the answers of a study, or its table, to a file or to standard output."""
-    with connect(url) as client:
-        if as_json:
-            text = StudyCalls(client).get(study_id).model_dump_json(indent=2) + "\n"
-        else:
-            text = StudyCalls(client).csv(study_id, "answers" if table else "trials")
-    if out is None:
-        sys.stdout.write(text)
-    else:
-        out.write_text(text, encoding="utf-8")
-
-
-def delete(study_id: str, *, url: str | None) -> None:
-    """Remove a study with its answers."""
-    with connect(url) as client:
-        StudyCalls(client).delete(study_id)
-
-
-def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
-    """Fit a table, plot and print it; the exit code says whether any scene has a fit."""
-    fitted = fit_table(table)
-    if plot is not None:
-        plot_study(fitted, plot)
-    if as_json:
-        print(json.dumps([_as_json(one) for one in fitted], indent=2))
-    elif isinstance(fitted[0].fit, AnswersFit):
-        _print_answers(fitted)
-    else:
-        _print_table(fitted)
-        print(f"plateau: {_NO_INTERVALS}", file=sys.stderr)
-    for one in fitted:
-        for told in one.warnings():
-            print(f"plateau: {one.scene}: {told}", file=sys.stderr)
-    return ExitCode.FAILED if all(one.refusal for one in fitted) else ExitCode.OK
-
-
-def _print_table(fitted: list[FittedScene]) -> None:
-    width = max(len(one.scene) for one in fitted)
-    thresholds = "".join(f"{f'{probability:.0%} at':>10}" for probability in PROBABILITIES)
-    print(f"{'scene':<{width}}{'a':>11}{'b':>9}{'c':>7}{'r':>9}{thresholds}")
-    for one in fitted:
-        places = "".join(_place(one.threshold(probability)) for probability in PROBABILITIES)
-        figures = asdict(one.fit)
-        print(f"{one.scene:<{width}}{_fitted(one)}{figures['c']:>7.2f}{figures['r']:>9.3f}{places}")
-
-
-def _print_answers(fitted: list[FittedScene]) -> None:
-    width = max(len("scene"), *(len(one.scene) for one in fitted))
-    thresholds = "".join(f"{f'{p:.0%} at':>10}{'95 % interval':>18}" for p in PROBABILITIES)
-    print(f"{'scene':<{width}}{'answers':>9}{'observers':>11}{'a':>11}{'b':>9}{thresholds}")
-    for one in fitted:
-        assert isinstance(one.fit, AnswersFit)
-        places = "".join(
-            f"{_place(one.threshold(p))}{_between(one.interval(p)):>18}" for p in PROBABILITIES
-        )
-        print(
-            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}{_fitted(one)}{places}"
-        )
-
-
-def _fitted(one: FittedScene) -> str:
-    """The columns of a and b."""
-    if one.refusal:
-        return f"{'–':>11}{'–':>9}"
-    return f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}"
-
-
-def _place(spp: float | None) -> str:
-    return f"{'–' if spp is None else f'{spp:,.0f}':>10}"
-
-
-def _between(interval: tuple[float, float] | None) -> str:
-    return "–" if interval is None else f"{interval[0]:,.0f} – {interval[1]:,.0f}"
-
-
-def _as_json(one: FittedScene) -> dict[str, object]:
-    figures: dict[str, Any] = asdict(one.fit)
-    figures.pop("covariances", None)
-    if one.refusal:
-        figures |= {"a": None, "b": None}
-    thresholds = {f"{probability:g}": one.threshold(probability) for probability in PROBABILITIES}
-    found: dict[str, object] = {"scene": one.scene, **figures, "threshold_spp": thresholds}
-    if isinstance(one.fit, AnswersFit):
-        found["interval_spp"] = {f"{p:g}": one.interval(p) for p in PROBABILITIES}
-    found["warnings"] = one.warnings()
-    return found
-
-
-def _row(study: StudyView) -> tuple[str, ...]:
+def _row(study: "StudyView") -> tuple[str, ...]:
     half = next((one for one in study.result.thresholds if one.probability == 0.5), None)
     interval = None
     if half is not None and half.low_spp is not None and half.high_spp is not None:
@@ -213,3 +179,152 @@ def _row(study: StudyView) -> tuple[str, ...]:
         "–" if half is None else f"{half.spp:,.0f} spp",
         _between(interval),
     )
+
+
+@study.command()
+def export(
+    study_id: _StudyId,
+    table: Annotated[
+        bool, typer.Option("--table", help="Export shares, in the form of the paper's table 1.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="File to write.", show_default="stdout"),
+    ] = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Export the answers of a study as CSV, one line each; with --json, its results.
+
+    For example:
+      plateau study export 9c1f47be02d8 -o trials.csv
+      plateau study fit trials.csv --plot thresholds.png
+    """
+    from plateau.study.client import StudyCalls
+
+    with connect(url) as client:
+        if as_json:
+            text = StudyCalls(client).get(study_id).model_dump_json(indent=2) + "\n"
+        else:
+            text = StudyCalls(client).csv(study_id, "answers" if table else "trials")
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        out.write_text(text, encoding="utf-8")
+
+
+@study.command()
+def delete(study_id: _StudyId, url: o.Url = None) -> None:
+    """Delete a study with all its answers and pictures. This cannot be undone.
+
+    For example:
+      plateau study delete 9c1f47be02d8
+    """
+    from plateau.study.client import StudyCalls
+
+    with connect(url) as client:
+        StudyCalls(client).delete(study_id)
+
+
+@study.command("fit")
+def fit(
+    table: Annotated[
+        Path,
+        typer.Argument(help="A CSV file of single answers, or in the form of the paper's table 1."),
+    ],
+    plot: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="File for a plot of answers and fits.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Fit the probability of seeing a difference, for each scene of a study.
+
+    TABLE has one line for each answer, as `plateau study export` writes it, and each threshold gets
+    a 95 % confidence interval. Or it has a column "scene" and one column for each number of samples
+    per pixel that was shown, with the share of the observers who saw a difference. It is then
+    fitted as in the paper.
+
+    There is no fit for fewer than 20 answers, or if differences were not seen less often with more
+    samples. A threshold that the answers do not bound is left open. Standard error says why. The
+    exit code is 1 if no scene has a fit.
+
+    For example:
+      plateau study fit trials.csv --plot thresholds.png
+    """
+    from plateau.study.answers import AnswersFit
+    from plateau.study.answers_table import fit_table, plot_study
+
+    fitted = fit_table(table)
+    if plot is not None:
+        plot_study(fitted, plot)
+    if as_json:
+        print(json.dumps([_as_json(one) for one in fitted], indent=2))
+    elif isinstance(fitted[0].fit, AnswersFit):
+        _print_answers(fitted)
+    else:
+        _print_table(fitted)
+        tell(_NO_INTERVALS)
+    for one in fitted:
+        for told in one.warnings():
+            tell(f"{one.scene}: {told}")
+    raise typer.Exit(ExitCode.FAILED if all(one.refusal for one in fitted) else ExitCode.OK)
+
+
+def _print_table(fitted: "list[FittedScene]") -> None:
+    from plateau.study.model import PROBABILITIES
+
+    width = max(len(one.scene) for one in fitted)
+    thresholds = "".join(f"{f'{probability:.0%} at':>10}" for probability in PROBABILITIES)
+    print(f"{'scene':<{width}}{'a':>11}{'b':>9}{'c':>7}{'r':>9}{thresholds}")
+    for one in fitted:
+        places = "".join(_place(one.threshold(probability)) for probability in PROBABILITIES)
+        figures = asdict(one.fit)
+        print(f"{one.scene:<{width}}{_fitted(one)}{figures['c']:>7.2f}{figures['r']:>9.3f}{places}")
+
+
+def _print_answers(fitted: "list[FittedScene]") -> None:
+    from plateau.study.answers import AnswersFit
+    from plateau.study.model import PROBABILITIES
+
+    width = max(len("scene"), *(len(one.scene) for one in fitted))
+    thresholds = "".join(f"{f'{p:.0%} at':>10}{'95 % interval':>18}" for p in PROBABILITIES)
+    print(f"{'scene':<{width}}{'answers':>9}{'observers':>11}{'a':>11}{'b':>9}{thresholds}")
+    for one in fitted:
+        assert isinstance(one.fit, AnswersFit)
+        places = "".join(
+            f"{_place(one.threshold(p))}{_between(one.interval(p)):>18}" for p in PROBABILITIES
+        )
+        print(
+            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}{_fitted(one)}{places}"
+        )
+
+
+def _fitted(one: "FittedScene") -> str:
+    """The columns of a and b."""
+    if one.refusal:
+        return f"{'–':>11}{'–':>9}"
+    return f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}"
+
+
+def _place(spp: float | None) -> str:
+    return f"{'–' if spp is None else f'{spp:,.0f}':>10}"
+
+
+def _between(interval: tuple[float, float] | None) -> str:
+    return "–" if interval is None else f"{interval[0]:,.0f} – {interval[1]:,.0f}"
+
+
+def _as_json(one: "FittedScene") -> dict[str, object]:
+    from plateau.study.answers import AnswersFit
+    from plateau.study.model import PROBABILITIES
+
+    figures: dict[str, Any] = asdict(one.fit)
+    figures.pop("covariances", None)
+    if one.refusal:
+        figures |= {"a": None, "b": None}
+    thresholds = {f"{probability:g}": one.threshold(probability) for probability in PROBABILITIES}
+    found: dict[str, object] = {"scene": one.scene, **figures, "threshold_spp": thresholds}
+    if isinstance(one.fit, AnswersFit):
+        found["interval_spp"] = {f"{p:g}": one.interval(p) for p in PROBABILITIES}
+    found["warnings"] = one.warnings()
+    return found

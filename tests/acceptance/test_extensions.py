@@ -76,7 +76,7 @@ def test_without_any_the_core_renders(core: str, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_without_any_the_tests_of_the_core_pass(core: str) -> None:
-    tests = ("farm/bundle", "farm/model", "plateau/cli", "plateau/files", "service/api/routes")
+    tests = ("farm/bundle", "farm/model", "plateau/commands", "plateau/files", "service/api/routes")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-n", "0", *(f"tests/{one}" for one in tests)],
         cwd=ROOT,

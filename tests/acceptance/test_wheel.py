@@ -51,13 +51,12 @@ BRINGS = {
         "farm.ledger",
         "farm.redis",
         "farm.sweep",
-        "commands.gc",
-        "commands.keys",
+        "processes.redis_at_hand",
     ),
-    "images": ("farm.images", "files.image_diff"),
-    "api": ("service.api", "commands.serve"),
-    "monitor": ("service.judging", "service.monitor", "metric", "files.image_series"),
-    "worker": ("worker", "commands.doctor"),
+    "images": ("farm.images", "picture.diff"),
+    "api": ("service.api", "processes.standing"),
+    "monitor": ("picture", "service.monitor", "metric"),
+    "worker": ("worker",),
 }
 
 
@@ -155,7 +154,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
-        assert "plateau = plateau.cli:main" in archive.read(entry_points).decode()
+        assert "plateau = plateau.commands:main" in archive.read(entry_points).decode()
     about = {name for name in names if name.startswith("plateau-") and ".dist-info/" in name}
     assert names - about == files
 
@@ -233,7 +232,7 @@ from importlib.util import find_spec
 print(*(name for name in {HEAVY} if find_spec(name)))
 import sys
 from plateau import Client
-from plateau.commands import batches, farm, fetch, jobs
+import plateau.commands
 print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 """
     done = run(base / "python", "-c", program)
@@ -241,11 +240,9 @@ print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 
 
 def test_the_base_is_a_client_and_a_command_line(
-    farm: RealFarm, base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
+    staffed: RealFarm, base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
-    farm.start("monitor")
-    farm.workers(1)
-    where = {"PLATEAU_URL": farm.url}
+    where = {"PLATEAU_URL": staffed.url}
     # Given a job that the client has submitted
     program = """
 import os, sys
@@ -290,7 +287,7 @@ def test_a_command_that_needs_more_says_which_extra_to_install(
 import json
 from pathlib import Path
 from typer.testing import CliRunner
-from plateau.cli import app, meet_extensions
+from plateau.commands import app, meet_extensions
 meet_extensions()
 Path("table.csv").write_text("scene,100,200,400\\none,0.9,0.5,0.1\\n")
 Path("slices").mkdir()

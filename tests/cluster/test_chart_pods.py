@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from plateau.commands.own_farm import checked_settings
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import JobSpec
+from plateau.rendering.own_farm import checked_settings
 
 
 def test_it_says_what_to_install_before_anything_starts(

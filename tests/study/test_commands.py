@@ -7,8 +7,8 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app, meet_extensions
 from plateau.client import ApiError, Client
+from plateau.commands import app, meet_extensions
 from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, WatchedValue
 from plateau.farm.wire import examples

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from plateau.farm.model.errors import FarmError
+
 MIB = 2**20
 GIB = 2**30
 _MAX_SHOWN = 100
@@ -22,6 +24,7 @@ CODES = {
     "native-code": "an entry is a shared library, which Mitsuba would load as a plugin",
     "no-sensor": "the scene has no sensor of that index",
     "not-a-scene": "the upload is neither a scene nor a zip that holds one",
+    "old-scene": "the scene is for Mitsuba 0.6 or older, and has what Mitsuba 3 cannot take over",
     "path-escape": "an entry or a reference leaves the bundle",
     "plugin-name": "a plugin's type is a path, not a name",
     "too-large": "the upload is too large",
@@ -30,6 +33,7 @@ CODES = {
     "unpackable-path": "a scene to be packed names a file by an absolute path or across a link",
     "unknown-parameter": "a job parameter is not one of the scene's",
     "unknown-plugin": "a plugin's type is none that the farm's Mitsuba has",
+    "unreadable-file": "a mesh or an image is one that Mitsuba cannot read",
     "unwritable-dict": "a scene given as a Mitsuba dict has a value that no file can hold",
     "xml-depth": "XML elements are nested too deep",
     "xml-encoding": "an XML file is not UTF-8",
@@ -107,7 +111,7 @@ def brief(path: str) -> str:
     return path if len(path) <= _MAX_SHOWN else f"…{path[-_MAX_SHOWN:]}"
 
 
-class BundleError(ValueError):
+class BundleError(FarmError, ValueError):
     """An upload is refused.
 
     Parameters

@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import Again, CurvePoint, Event, Job, Notice, moment

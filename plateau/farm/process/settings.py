@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import BeforeValidator, Field, SecretStr, field_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
-from plateau.farm.model.scene_roots import SceneRoot, read_roots, root_tag
+from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots, root_tag
 
 LogFormat = Literal["text", "json"]
 
@@ -23,8 +23,9 @@ _MOST_GB: Final = 2.0**20
 
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
+_Path = Annotated[Path, AfterValidator(at_home)]
 #: A file; "" means none, so that the setting can be undone for one process.
-_File = Annotated[Path | None, BeforeValidator(lambda given: None if given == "" else given)]
+_File = Annotated[_Path | None, BeforeValidator(lambda given: None if given == "" else given)]
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
@@ -45,11 +46,11 @@ class Settings(BaseSettings):
     redis_key: _File = None
     redis_sentinel_password_file: _File = None
     blobs: str | None = None
-    data: Path = _DIRS.user_data_path
-    cache: Path = _DIRS.user_cache_path
+    data: _Path = _DIRS.user_data_path
+    cache: _Path = _DIRS.user_cache_path
     url: str = "http://127.0.0.1:8713"
     key: SecretStr | None = None
-    key_file: Path | None = None
+    key_file: _Path | None = None
     lease_s: float = Field(15.0, gt=0, le=_DAY_S)
     child_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
     child_memory_gb: float | None = Field(None, gt=0, le=_MOST_GB)
@@ -66,7 +67,7 @@ class Settings(BaseSettings):
     notify_file: _File = Field(None, repr=False)
     notify: Annotated[Tags, NoDecode] = ()
     notify_troubles: Annotated[Tags, NoDecode] = ()
-    alive_file: Path | None = None
+    alive_file: _Path | None = None
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
     log_format: LogFormat = "text"
 

@@ -190,7 +190,7 @@ def summary(job: JobView, now: datetime) -> str:
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))
     if job.deleted_at is not None:
-        undo = f"`plateau restore {job.id}` undoes it for a while"
+        undo = f"`plateau delete --undo {job.id}` undoes it for a while"
         rows.append(("deleted", f"since {job.deleted_at:%Y-%m-%d %H:%M:%S} UTC; {undo}"))
     rows += [("note", note) for note in job.notes]
     return "\n".join(row(name, text) for name, text in rows)

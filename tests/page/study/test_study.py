@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 from typer.testing import CliRunner
 
-from plateau.cli import app, meet_extensions
 from plateau.client import Client
+from plateau.commands import app, meet_extensions
 from plateau.farm.model.job import Job
 from plateau.study.client import StudyCalls
 from plateau.study.model import Screen

@@ -10,7 +10,7 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.model.job import Job
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_api

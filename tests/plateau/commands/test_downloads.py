@@ -12,10 +12,10 @@ import pytest
 import redis
 
 from plateau.client import Client, Damaged, Unreachable
-from plateau.commands.outputs import write_results
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.job import Job
+from plateau.rendering.outputs import write_results
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob

@@ -1,16 +1,17 @@
 """Images that are rendered already are judged as a job's are."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from plateau.commands.judge import judge
 from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.model.spec import JobSpec
-from plateau.files.image_series import CannotJudge, find_series, judge_series
+from plateau.picture.series import CannotJudge, find_series, judge_series
+from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.noise_farm import noise_film
 from tests.support.images.plain_exr import encode_image
 
@@ -112,18 +113,23 @@ def test_what_cannot_be_judged_is_said(slices: Path, tmp_path: Path) -> None:
         judge_series(find_series(image, image_spp=10, cumulative=False), SPEC)
 
 
-def test_the_command_prints_and_writes(
-    slices: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False) == 0
-    words = capsys.readouterr().out
+def judge(*arguments: str) -> tuple[int, str, str]:
+    """The command, with the rules of `SPEC`."""
+    rules = ("--rule", "reverse:epsilon=30", "--watch", "visible:min_spp=40")
+    steps = ("--step", "20", "--slice-spp", "10", "--max-spp", "4000")
+    return command("judge", *arguments, *rules, "--watch", "fixed:spp=100", *steps)
+
+
+def test_the_command_prints_and_writes(slices: Path, tmp_path: Path) -> None:
+    code, words, _ = judge(str(slices), "-o", str(tmp_path / "out"))
+    assert code == 0
     assert "20 evaluations of 32×24 pixels, to 400 spp" in words
     assert "would have stopped at 100 spp" in words
     assert "fixed would stop" in (tmp_path / "out" / "curve.svg").read_text()
     rows = (tmp_path / "out" / "curve.csv").read_text().splitlines()
     assert len(rows) == 21
-    assert judge(slices, SPEC, cumulative=False, out=None, as_json=True) == 0
-    assert json.loads(capsys.readouterr().out)["stops"]["fixed"] == 100
+    code, words, _ = judge(str(slices), "--json")
+    assert (code, json.loads(words)["stops"]["fixed"]) == (0, 100)
 
 
 def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -> None:
@@ -132,17 +138,18 @@ def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -
     film[0, :3, 0] = np.nan
     (slices / "slice-2.exr").write_bytes(partial(2, film=film))
     # Then no rule is told of it, and the picture shows where
-    with pytest.raises(CannotJudge, match=r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN"):
-        judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False)
+    code, _, said = judge(str(slices), "-o", str(tmp_path / "out"))
+    assert code == 1
+    assert re.search(r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN", said)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["non-finite.png"]
-    with pytest.raises(CannotJudge, match=r"-o DIR writes non-finite\.png there"):
-        judge(slices, SPEC, cumulative=False, out=None, as_json=False)
+    code, _, said = judge(str(slices))
+    assert (code, "-o DIR writes non-finite.png there" in said) == (1, True)
 
 
 def test_a_judgement_is_not_laid_over_a_jobs_own_curve(slices: Path, tmp_path: Path) -> None:
     # Given the folder of a job, as `plateau fetch` leaves it
     (tmp_path / ".plateau-job").write_text("0123456789ab\n")
     (tmp_path / "curve.csv").write_text("the job's own")
-    with pytest.raises(CommandFailed, match="the results and the curve of job 0123456789ab"):
-        judge(slices, SPEC, cumulative=False, out=tmp_path, as_json=False)
+    code, _, said = judge(str(slices), "-o", str(tmp_path))
+    assert (code, "the results and the curve of job 0123456789ab" in said) == (1, True)
     assert (tmp_path / "curve.csv").read_text() == "the job's own"

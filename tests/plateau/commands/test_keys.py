@@ -10,8 +10,8 @@ import pytest
 import trustme
 from typer.testing import CliRunner
 
-from plateau.cli import app
 from plateau.client import ApiError, BadKey, Client, Unreachable
+from plateau.commands import app
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
@@ -292,7 +292,7 @@ class TestAService:
         admin = say("keys", "create", "admin", "--role", "admin")[0].strip()
         shown = say("keys", "create", "me")[0].strip()
         up = start(
-            *("up", "--port", "0", "--host", "0.0.0.0"),
+            *("up", "--workers", "1", "--port", "0", "--host", "0.0.0.0"),
             *("--tls-certificate", certificate, "--tls-key", private_key),
             PLATEAU_KEY=admin,
             PLATEAU_LOG_FORMAT="json",

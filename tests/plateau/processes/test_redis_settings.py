@@ -8,7 +8,7 @@ import pytest
 import trustme
 from typer.testing import CliRunner
 
-from plateau.cli import app
+from plateau.commands import app
 from plateau.farm.redis.acl import acl_file, rules
 from plateau.processes.read_settings import (
     REDIS_VARIABLES,

@@ -14,20 +14,25 @@ _JUDGING = frozenset({"plateau.metric.vdp", "plateau.metric.rules.evidence"})
 
 #: What each process starts with, and what has no business in it.
 STARTS = {
-    "import plateau.cli": {"pydantic", "redis", "numpy", "rich.console", "httpx"},
-    "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
+    "import plateau.commands": {
+        *("pydantic", "redis", "numpy", "fastapi", "matplotlib", "rich", "httpx"),
+        *("plateau.farm.bundle", *_RENDERERS),
+    },
+    "import plateau.rendering.own_farm": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
     "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
         *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS),
     },
-    "import plateau.commands.serve, plateau.service.monitor.monitor": {
+    "import plateau.processes.process, plateau.service.monitor.monitor": {
         *("rich", "httpx", "fastapi", "matplotlib", *_RENDERERS),
     },
-    "import plateau.commands.serve, plateau.service.api.process": {
+    "import plateau.processes.standing, plateau.service.api.process": {
         *("rich", "numpy", "PIL", "OpenEXR", *_JUDGING, "numba", "httpx", "matplotlib"),
         *_RENDERERS,
     },
     "from plateau import Client": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
-    "import plateau.commands.jobs": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
+    "import plateau.rendering.follow, plateau.rendering.outputs": {
+        *("numpy", "fastapi", "plateau.farm.ledger", *_FARMS),
+    },
 }
 
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from plateau.client import Client
-from plateau.commands.outputs import write_results
+from plateau.rendering.outputs import write_results
 
 #: What changes a folder, as CPython's audit hooks call it.
 _CHANGES = {"open", "os.rename", "os.remove", "os.mkdir", "os.rmdir"}

@@ -32,7 +32,7 @@ from typing import Any
 
 import psutil
 
-from plateau.cli import main
+from plateau.commands import main
 
 
 def resolve(where: str) -> tuple[Any, str]:

@@ -8,7 +8,7 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from plateau.farm.process.addresses import is_loopback
+from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.http.layers import Layer
 from plateau.service.api.problems import catalogue as problems

@@ -64,7 +64,7 @@ def most_connections(descriptors: int) -> int:
 
 
 def backlog(descriptors: int) -> int:
-    """The most connections that may wait to be accepted, beside the open ones."""
+    """The most connections that may wait to be accepted, besides the open ones."""
     return max(1, min(_LONGEST_BACKLOG, most_connections(descriptors) // 2))
 
 

@@ -50,7 +50,7 @@ NOT_HTTP: Final = MALFORMED_REQUEST.case(
     "check the address (http:// or https://), and send fewer or shorter headers",
     headers=_CLOSE)
 TWO_LENGTHS: Final = MALFORMED_REQUEST.case(
-    "where the request's body ends cannot be told",
+    "the request does not say where its body ends",
     "send Content-Length, or with HTTP/1.1 Transfer-Encoding: chunked, and never both",
     headers=_CLOSE)
 NO_BOUNDARY: Final = MALFORMED_REQUEST.case(
@@ -283,7 +283,7 @@ INVALID_SPEC: Final = ProblemType(
     "invalid-spec", 422, "Invalid job spec",
     "{said}", members=("errors",), example={"said": "spec.max_spp: must be at least 1"})
 CANNOT_FOLLOW: Final = INVALID_SPEC.of("spec.after", "{error}")
-NO_SEEDS_LEFT: Final = INVALID_SPEC.of("{field}", "{error}")
+UNFIT_FILM: Final = INVALID_SPEC.of("{field}", "{error}")
 SIZE_UNKNOWN: Final = INVALID_SPEC.of(
     "{field}",
     "the frames of a shot have one size, which the renderer alone knows of this scene: set the "

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.service.api.http.etags import IfNoneMatch, Known, strong
 from plateau.service.api.http.served_blobs import (

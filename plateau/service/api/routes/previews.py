@@ -7,10 +7,11 @@ from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
+from plateau.picture import previews
 from plateau.service.api.http.etags import FINAL, IfNoneMatch, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
@@ -28,11 +29,10 @@ from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.routes.jobs import JobId
-from plateau.service.judging import previews
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
-    from plateau.farm.images.look import Look
+    from plateau.farm.images.view_transform import ViewTransform
     from plateau.service.api.points.images import Encode
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
@@ -146,14 +146,14 @@ def _points(job: Job, plan: Plan) -> list[int]:
 
 def _png(job: Job, spp: int) -> "Encode":
     # Imported at the first use, as in `plateau.service.api.points.images`.
-    def encoded(image: "Pixels", look_of: "Callable[[], Look | None]") -> bytes:
+    def encoded(image: "Pixels", transform_of: "Callable[[], ViewTransform | None]") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
-        from plateau.service.judging.facts import identity, png_texts
+        from plateau.picture.facts import identity, png_texts
 
         exposure_ev = job.spec.view.exposure_ev
-        look = look_of()
-        seen = image if look is None else look.seen(image, exposure_ev)
+        transform = transform_of()
+        seen = image if transform is None else transform.seen(image, exposure_ev)
         picture = encode_srgb(seen, exposure_ev)
         return encode_png(picture, texts=png_texts(identity(job, spp)))
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.shots import ShotRecord, by_frame
 from plateau.farm.wire.shot_views import ShotView, shot_view
 from plateau.service.api.http.etags import REVALIDATE, IfNoneMatch, not_modified, strong

@@ -5,6 +5,7 @@ from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Header, Query, Response
 
+from plateau.farm.ledger.usage import usage
 from plateau.farm.model.usage import Grouping
 from plateau.farm.wire.usage_views import Usage, row_view, usage_csv
 from plateau.service.api.http.parameters import chosen
@@ -65,7 +66,7 @@ def _summed(
 ) -> Usage:
     if since is not None and until is not None and until <= since:
         raise Problem(problems.UNTIL_BEFORE_SINCE, until=until, since=since)
-    rows, left_out, total = farm.jobs.usage(by, since=since, until=until, limit=limit)
+    rows, left_out, total = usage(farm.redis, by, since=since, until=until, limit=limit)
     return Usage(
         by=by,
         since=since,

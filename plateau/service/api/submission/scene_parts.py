@@ -11,7 +11,7 @@ from typing import BinaryIO, Final, TypeAlias, cast
 from fastapi import Request
 from starlette.datastructures import UploadFile
 
-from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs import names as blob_names
 from plateau.farm.bundle import BundleError
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.service.api.parts import Parts

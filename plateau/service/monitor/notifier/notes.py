@@ -1,7 +1,7 @@
 """Messages to the targets that the farm's operator names, sent by apprise.
 
 Apprise says why a message was not sent in log lines alone, which may show parts of a URL. So they
-are kept from the farm's log and from users: `plateau notify` shows them to the operator.
+are kept from the farm's log and from users: `plateau doctor --notify` shows them to the operator.
 """
 
 import logging
@@ -13,8 +13,8 @@ from plateau.errors import needs
 from plateau.farm.ledger.outbox import Taken
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.process.notify_targets import Targets, UnknownTarget
 from plateau.farm.wire.figures import duration, percent
+from plateau.service.notices.targets import Targets, UnknownTarget
 
 _APPRISE: Final = logging.getLogger("apprise")
 _APPRISE.addHandler(logging.NullHandler())
@@ -117,6 +117,6 @@ def send(name: str, url: str, note: Note) -> None:
         said = lines.getvalue().strip()
     if not sent:
         raise NotNotified(
-            f"{name} was not notified; `plateau notify {name}` on this machine says why",
+            f"{name} was not notified; `plateau doctor --notify {name}` on this machine says why",
             said,
         )

@@ -9,8 +9,8 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
-from plateau.cli import app
 from plateau.client import Client
+from plateau.commands import app
 from plateau.farm.ledger import usage as ledger
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec

@@ -1,0 +1,119 @@
+"""Completions for the shell.
+
+Each function returns the matching values, each with a short description. A service that is asked
+has one second; if it fails, nothing is offered, since a prompt is no place for an error.
+
+Zsh evaluates the completions, and Typer does not quote backslashes. So files with special
+characters in their names are not offered, and special characters in the names of scenes are
+replaced.
+"""
+
+import re
+from pathlib import Path
+from typing import Final
+
+import typer
+
+from plateau import scenes
+
+_SCHEME: Final = "scenes:"
+#: Any other character may be special in some shell.
+_NOT_PLAIN: Final = re.compile(r"[^\w.+-]")
+
+Offered = list[tuple[str, str]]
+
+_ENDED: Final = {"converged", "exhausted", "cancelled", "failed"}
+#: By command: the states of the jobs that it can change. Other commands take any job.
+_USEFUL: Final = {
+    "cancel": {"queued", "rendering", "paused"},
+    "delete": _ENDED,
+    "pause": {"rendering"},
+    "priority": {"queued", "rendering", "paused"},
+    "resume": {"paused"},
+}
+
+
+def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
+    """The newest jobs to which the command applies."""
+    try:
+        from plateau.commands.connect import connect
+
+        with connect(ctx.params.get("url"), timeout_s=1.0, quiet=True) as client:
+            undo = ctx.info_name == "delete" and bool(ctx.params.get("undo"))
+            jobs = client.jobs(limit=200, deleted=undo).jobs
+    except Exception:  # noqa: BLE001  (the command itself will report the error)
+        return []
+    useful = _USEFUL.get(ctx.info_name or "")
+    return [
+        (job.id, f"{job.outcome}, {_NOT_PLAIN.sub('_', job.name)}")
+        for job in jobs
+        if job.id.isalnum()
+        and job.id.startswith(incomplete)
+        and (useful is None or job.state.value in useful)
+    ]
+
+
+def scene_files(incomplete: str) -> Offered:
+    """The example scenes, and the folders and scene files of the current folder.
+
+    If no example scene matches, nothing is offered, and the shell completes paths.
+    """
+    ours = [(f"{_SCHEME}{name}", "an example scene") for name in scenes.NAMES]
+    found = [offer for offer in ours if offer[0].startswith(incomplete)]
+    if found and not incomplete.startswith(_SCHEME):
+        found += [(f"{path}/", "a folder") for path in _here(incomplete) if path.is_dir()]
+        files = (path for path in _here(incomplete) if path.suffix in {".xml", ".zip"})
+        found += [(str(path), "a scene") for path in files]
+    return found
+
+
+def states(incomplete: str) -> Offered:
+    """The states of a job."""
+    from plateau.farm.model.states import JobState
+
+    return [(state.value, "") for state in JobState if state.value.startswith(incomplete)]
+
+
+def rules(incomplete: str) -> Offered:
+    """The stopping rules."""
+    from plateau.rules import rules as known
+
+    named = [(name, rule.summary) for name, rule in known().items()]
+    return [(name, about.rstrip(".")) for name, about in named if name.startswith(incomplete)]
+
+
+def variants(incomplete: str) -> Offered:
+    """The variants of the renderers."""
+    from plateau.farm.model.renderers import AUTO
+    from plateau.farm.model.renderers import variants as known
+
+    return [(name, "") for name in (AUTO, *known()) if name.startswith(incomplete)]
+
+
+def aovs(incomplete: str) -> Offered:
+    """The AOVs, with what they are."""
+    from plateau.farm.model.aovs import AOVS
+
+    return [(name, aov.meaning) for name, aov in AOVS.items() if name.startswith(incomplete)]
+
+
+def places(incomplete: str) -> Offered:
+    """Where an image is seen, with the pixels in a degree there."""
+    from plateau.farm.model.spec import PLACES
+
+    return [
+        (name, f"{view['pixels_per_degree']:g} pixels per degree")
+        for name, view in PLACES.items()
+        if name.startswith(incomplete)
+    ]
+
+
+def _here(incomplete: str) -> list[Path]:
+    hidden = incomplete.startswith(".")
+    return sorted(
+        path
+        for path in Path().iterdir()
+        if path.name.startswith(incomplete)
+        and not _NOT_PLAIN.search(path.name)
+        and (hidden or path.name[0] != ".")
+    )

@@ -1,0 +1,176 @@
+"""A process tree for one job: from a scene to what its caller fetches of it."""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from plateau.errors import CommandFailed
+from plateau.farm.bundle import inspect_bundle
+from plateau.farm.model.renderers import renderer_of, variant_for
+from plateau.farm.model.spec import JobSpec
+from plateau.files.packing import pack
+from plateau.processes.data_folder import DataFolder, is_in_use
+from plateau.processes.ground import check_ground
+from plateau.processes.interrupts import Interrupts
+from plateau.processes.read_settings import read_settings
+from plateau.processes.tree import Door, Tree
+from plateau.worker.supervisor.variants import choose, is_here
+
+if TYPE_CHECKING:
+    from plateau.client import Client
+    from plateau.farm.process.settings import Settings
+    from plateau.farm.wire.views import JobView
+    from plateau.terminal.progress import Progress
+
+_PREFIX: Final = "plateau-render-"
+_MOST_DEATHS: Final = 3
+#: Long enough for the tree to restart a dead API.
+_PATIENCE_S: Final = 60.0
+
+_Fetched = TypeVar("_Fetched")
+
+
+def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
+    """The settings of the environment, once all is checked that can be before a start.
+
+    Raises
+    ------
+    BundleError
+        The scene cannot be packed or is not allowed.
+    CommandFailed
+        This machine lacks the variant, or folders or open files; a rule cannot judge the image.
+    """
+    settings = read_settings()
+    check_ground(settings, caches=True, has_redis=True)
+    with pack(scene, spec.parameter_strings()) as packed:
+        found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+    try:
+        if found.width and found.height:
+            spec.require_size(found.width, found.height)
+        variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
+    except ValueError as error:
+        raise CommandFailed(str(error)) from error
+    _check_variant(variant, settings.cache)
+    return settings
+
+
+def render_alone(
+    scene: Path,
+    spec: JobSpec,
+    settings: "Settings",
+    interrupts: Interrupts,
+    *,
+    workers: int,
+    threads: int | None,
+    progress: Callable[["Client"], "Progress"],
+    fetch: Callable[["Client", "JobView", Callable[[], None]], _Fetched],
+) -> tuple["JobView", _Fetched]:
+    """Render a scene until its job has ended; returns the job and what was fetched of it.
+
+    Parameters
+    ----------
+    settings
+        Those of `checked_settings`.
+    interrupts
+        The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
+        before the job is submitted.
+    workers, threads
+        Number of workers, and threads of each; None for the machine's cores, shared by the workers.
+    progress
+        Makes what shows the job.
+    fetch
+        Fetches from the client what is wanted of the ended job; may call its last argument when
+        nothing more is asked of the service.
+    """
+    alone = settings.model_copy(
+        update={
+            "redis_url": None,
+            "blobs": None,
+            "threads": threads or settings.threads,
+            # The workers are for this job alone, whatever the settings say.
+            "pool": spec.pool,
+            "tags": spec.requires,
+        }
+    )
+    # The wait for the workers counts: no other job keeps them.
+    spec = spec.model_copy(update={"time_limit_from": "submission"})
+    with (
+        _temporary_data() as data,
+        Tree(
+            alone,
+            data,
+            interrupts,
+            workers=workers,
+            door=Door(open_to_all=True),  # only this process knows its port
+            tell=lambda line: shown.note(line),
+            most_deaths=_MOST_DEATHS,
+            is_temporary=True,
+        ) as tree,
+    ):
+        # These imports take place while the tree's processes start.
+        import plateau.rendering.outputs
+        import plateau.terminal.progress  # noqa: F401
+        from plateau.client import Client
+
+        with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
+            shown = progress(client)
+            job = _run(client, scene, spec, tree, interrupts, shown)
+            return job, fetch(client, job, tree.wind_down)
+
+
+def _check_variant(variant: str, cache: Path) -> None:
+    """Refuse a variant that the workers will lack: the job would wait for ever.
+
+    The cache keeps the result, so the workers need not try again.
+    """
+    if variant == "auto":
+        return
+    if not is_here(variant):
+        missing = renderer_of(variant).missing
+        raise CommandFailed(f"this machine cannot render with {variant}: {missing}")
+    choice = choose(cache)
+    if variant in choice.variants:
+        return
+    tried = [one.detail for one in choice.tried if one.variant == variant]
+    others = ", ".join(choice.like(variant))
+    raise CommandFailed(
+        f"this machine cannot render with {variant}{f' ({tried[0]})' if tried else ''}; "
+        f"{f'it can with {others}: leave --variant out, or ' if others else ''}see `plateau doctor`"
+    )
+
+
+def _run(
+    client: "Client",
+    scene: Path,
+    spec: JobSpec,
+    tree: Tree,
+    interrupts: Interrupts,
+    shown: "Progress",
+) -> "JobView":
+    """Submit the job and follow it to its end; the first interrupt cancels it."""
+    from plateau.rendering.follow import cancelling, follow
+
+    job = client.submit(scene, spec)
+    cancel_if_asked = cancelling(client, job.id, interrupts, shown)
+
+    def tick() -> None:
+        tree.check()
+        cancel_if_asked()
+
+    return follow(client, job.id, shown, tick)
+
+
+@contextmanager
+def _temporary_data() -> Iterator[DataFolder]:
+    """A data folder that is removed at the end; removes first what killed trees have left."""
+    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        if not is_in_use(left):
+            shutil.rmtree(left, ignore_errors=True)
+    with (
+        tempfile.TemporaryDirectory(prefix=_PREFIX, ignore_cleanup_errors=True) as folder,
+        DataFolder(Path(folder)) as data,
+    ):
+        yield data

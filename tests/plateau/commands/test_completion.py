@@ -1,0 +1,232 @@
+"""What the shell offers on Tab, by the protocol of the scripts that it loads."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import redis
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from plateau import scenes
+from plateau.commands import app, main
+from plateau.commands.options import complete
+from plateau.commands.options.bash_completion import joined
+from plateau.farm.ledger.deletions import Deletions
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.renderers import variants
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from tests.support.farms.staged_job import StagedJob
+from tests.support.until import until
+
+Run = Callable[..., list[str]]
+Offers = Callable[..., list[str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """The lines that the completion of these words prints; the last one is the current one."""
+    monkeypatch.setattr("gc.set_threshold", lambda _: None)  # this process lives on
+    monkeypatch.setattr("atexit.register", lambda _: None)
+    monkeypatch.setattr("sys.argv", ["plateau"])
+    monkeypatch.chdir(tmp_path)
+
+    def run(shell: str, *words: str, **environment: str) -> list[str]:
+        protocol = (
+            {"COMP_WORDS": "\n".join(words), "COMP_CWORD": str(len(words) - 1)}
+            if shell == "bash"
+            else {
+                "_TYPER_COMPLETE_ARGS": " ".join(words),
+                "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+            }
+        )
+        nobody = {"PLATEAU_URL": "http://127.0.0.1:9", "_PLATEAU_COMPLETE": f"complete_{shell}"}
+        for name, value in {**nobody, **protocol, **environment}.items():
+            monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit):
+            main()
+        said = capsys.readouterr()
+        assert said.err == ""
+        return [line for line in said.out.splitlines() if line]
+
+    return run
+
+
+@pytest.fixture
+def answered(run: Run, api: str) -> Run:
+    """The same of a service, asked again where a busy machine took more than its second."""
+    return lambda *words: next(filter(None, (run(*words, PLATEAU_URL=api) for _ in range(10))), [])
+
+
+@pytest.fixture
+def offers(run: Run) -> Offers:
+    """What bash is offered for the words."""
+    return lambda *words, **environment: run("bash", "plateau", *words, **environment)
+
+
+def test_commands_and_options_are_offered(offers: Offers) -> None:
+    assert {"render", "resume"} <= set(offers("re"))
+    assert offers("prio") == ["priority"]
+    assert {"--out", "--no-curve", "--json"} <= set(offers("watch", "--"))
+
+
+def test_scenes_are_offered_by_name_beside_files_and_folders(
+    offers: Offers, tmp_path: Path
+) -> None:
+    (tmp_path / "my").mkdir()
+    for name in ("room.xml", "room.zip", "notes.txt", ".hidden.xml"):
+        (tmp_path / name).touch()
+    ours = [f"scenes:{name}" for name in scenes.NAMES]
+    assert offers("render", "") == [*ours, "my/", "room.xml", "room.zip"]
+    assert offers("submit", "sce") == ours
+    # Where ours are out of the question the shell completes paths, which it does best
+    assert offers("render", "roo") == []
+
+
+def test_names_are_completed_behind_the_colon_at_which_bash_takes_words_apart(
+    offers: Offers,
+) -> None:
+    assert offers("render", "scenes", ":") == list(scenes.NAMES)
+    assert offers("render", "scenes", ":", "b") == ["bar", "box"]
+    # and a URL before does not confuse it
+    assert offers("submit", "--url", "http", ":", "//127.0.0.1", ":", "9", "scenes", ":", "o") == [
+        "oculist"
+    ]
+
+
+def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
+    assert offers("list", "--state", "") == [state.value for state in JobState]
+    assert offers("submit", "a.xml", "--rule", "my") == ["myszkowski"]
+    assert {name for name, _ in complete.rules("")} == {
+        "fixed",
+        "successive",
+        "multiple",
+        "reverse",
+        "myszkowski",
+        "visible",
+        "jod",
+    }
+    for name, about in complete.rules(""):
+        assert JobSpec.model_validate({"rule": {"name": name}})
+        assert about
+    assert [name for name, _ in complete.variants("")] == ["auto", *variants()]
+
+
+def test_jobs_are_offered_where_something_can_be_done_with_them(
+    client: redis.Redis, answered: Run
+) -> None:
+    jobs: dict[str, str] = {"queued": StagedJob(client).id}
+    for state in ("rendering", "paused", "converged"):
+        staged = StagedJob(client)
+        staged.commit()
+        jobs[state] = staged.id
+        if state == "paused":
+            Jobs(client).pause(staged.id)
+        if state == "converged":
+            staged.end()
+    jobs["deleted"] = Jobs(client).cancel(StagedJob(client).id).id
+    Deletions(client).set(jobs["deleted"], deleted=True)
+    for command, states in {
+        "show": ("queued", "rendering", "paused", "converged"),
+        "cancel": ("queued", "rendering", "paused"),
+        "pause": ("rendering",),
+        "resume": ("paused",),
+        "delete": ("converged",),
+    }.items():
+        offered = set(answered("bash", "plateau", command, ""))
+        assert offered == {jobs[state] for state in states}, command
+    assert set(answered("bash", "plateau", "delete", "--undo", "")) == {jobs["deleted"]}
+    job_id = jobs["rendering"]
+    assert job_id in answered("bash", "plateau", "watch", job_id[:6])
+
+
+def test_an_address_on_the_line_counts_for_more_than_that_of_the_settings(
+    client: redis.Redis, api: str, offers: Offers
+) -> None:
+    job = StagedJob(client)
+    assert until(lambda: offers("show", "--url", api, "")) == [job.id]
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish", "bash"])
+def test_names_that_others_choose_bring_nothing_that_a_shell_would_run(
+    shell: str, client: redis.Redis, answered: Run, tmp_path: Path
+) -> None:
+    hostile = "\\$(touch run)`touch run`\"';x.xml"
+    (tmp_path / hostile).touch()
+    Jobs(client).create(JobSpec(), name=hostile, scene_sha256="0" * 64)
+    for command in ("show", "render"):
+        offered = answered(shell, "plateau", command, "")
+        assert offered
+        assert not re.search(r"touch run|\$\(|`", "".join(offered))
+
+
+def test_silence_is_all_that_a_service_that_is_away_costs(offers: Offers) -> None:
+    assert offers("show", "") == []
+    assert offers("show", "", PLATEAU_URL="not a url") == []
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_are_offered_what_each_thing_is(shell: str, run: Run) -> None:
+    assert "cancelled" in "\n".join(run(shell, "plateau", "list", "--state", "ca"))
+    said = "\n".join(run(shell, "plateau", "submit", "a.xml", "--rule", "fi"))
+    assert "fixed" in said
+    assert "Stop at a number of samples" in said
+
+
+@pytest.mark.parametrize(
+    ("shell", "words"),
+    [
+        ("zsh", "compdef _plateau_completion plateau"),
+        ("fish", "complete --command plateau"),
+    ],
+)
+def test_each_shell_gets_its_script(
+    shell: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    done = CliRunner().invoke(app, ["--show-completion", shell], prog_name="plateau")
+    assert (done.exit_code, words in done.stdout) == (0, True)
+
+
+def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
+    # Given a bash that has loaded the script, and a `plateau` on its path
+    command = tmp_path / "plateau"
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m plateau "$@"\n')
+    command.chmod(0o755)
+    program = """
+        eval "$(_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION=1 plateau --show-completion bash)"
+        COMP_WORDS=(plateau render scenes : b) COMP_CWORD=4
+        _plateau_completion plateau
+        printf '%s\\n' "${COMPREPLY[@]}"
+    """
+    done = subprocess.run(
+        ["bash", "--norc", "-c", program],
+        env={
+            **os.environ,
+            "PATH": f"{tmp_path}:{os.environ['PATH']}",
+            "PYTHONPATH": str(Path(__file__).parents[3]),
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["bar", "box"]
+
+
+@given(st.lists(st.from_regex(r"[a-z/]+(:[a-z]+)*:?", fullmatch=True), min_size=1, max_size=6))
+def test_words_are_put_together_as_they_were(words: list[str]) -> None:
+    # Given a line as bash takes it apart; a word that ends with a colon must be the last
+    words = [*(word.rstrip(":") for word in words[:-1]), words[-1]]
+    apart: list[str] = []
+    for word in words:
+        first, *others = word.split(":")
+        apart.append(first)
+        for other in others:
+            apart += [":", other] if other else [":"]
+    assert joined(apart, len(apart) - 1) == (words, len(words) - 1)
