@@ -53,41 +53,24 @@ def create(
         ),
     ] = "submitter",
     requests_per_minute: Annotated[
-        float | None,
-        typer.Option(
-            help="Requests a minute that it may make.",
-            show_default="PLATEAU_KEY_REQUESTS_PER_MINUTE",
-        ),
-    ] = None,
+        float, typer.Option(help="Requests a minute that it may make.")
+    ] = 1200.0,
     burst: Annotated[
-        int | None,
-        typer.Option(
-            help="Requests that it may make at once, after a pause.",
-            show_default="PLATEAU_KEY_BURST",
-        ),
-    ] = None,
+        int, typer.Option(help="Requests that it may make at once, after a pause.")
+    ] = 200,
     upload_gb: Annotated[
         float | None,
         typer.Option(
             help="Largest scene that it may upload, in GB.",
-            show_default="PLATEAU_KEY_UPLOAD_GB",
+            show_default="PLATEAU_MAX_UPLOAD_GB",
             max=2**20,
         ),
     ] = None,
     scenes_gb: Annotated[
-        float | None,
-        typer.Option(
-            help="Total size of the scenes that it may store, in GB.",
-            show_default="PLATEAU_KEY_SCENES_GB",
-            max=2**30,
-        ),
-    ] = None,
-    open_jobs: Annotated[
-        int | None,
-        typer.Option(
-            help="Jobs that it may have open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
-        ),
-    ] = None,
+        float,
+        typer.Option(help="Total size of the scenes that it may store, in GB.", max=2**30),
+    ] = 50.0,
+    open_jobs: Annotated[int, typer.Option(help="Jobs that it may have open at once.")] = 10_000,
     key_from: Annotated[
         Path | None,
         typer.Option(
@@ -256,18 +239,12 @@ def _role(name: str) -> "Role":
 
 
 def _limits(**given: float | None) -> "KeyLimits":
-    """The given limits; those of the settings in place of None."""
     from pydantic import ValidationError
 
     from plateau.farm.ledger.api_keys import KeyLimits
     from plateau.farm.model import input_errors
-    from plateau.processes.read_settings import farm_settings
 
-    settings = farm_settings()
-    asked = {
-        name: getattr(settings, f"key_{name}") if value is None else value
-        for name, value in given.items()
-    }
+    asked: dict[str, Any] = dict(given)
     for name in ("upload", "scenes"):
         gigabytes = asked.pop(f"{name}_gb")
         asked[f"{name}_bytes"] = None if gigabytes is None else round(gigabytes * 2**30)

@@ -215,15 +215,9 @@ def log(
 
     with connect(url) as client:
         job_id = client.whole_id(job_id)
-        if index is None:
-            entries = client.log(job_id)
-            shown: dict[str, object] = {}
-        else:
-            found = client.slice_log(job_id, index)
-            entries = found.entries
-            shown = {"slice": found.slice and found.slice.model_dump(mode="json")}
+        entries = client.log(job_id, index=index)
     if as_json:
-        print_json({**shown, "entries": [entry.model_dump(mode="json") for entry in entries]})
+        print_json({"entries": [entry.model_dump(mode="json") for entry in entries]})
         return
     if not entries:
         print("nothing yet", file=sys.stderr)

@@ -20,6 +20,7 @@ from plateau.processes.interrupts import Interrupts
 from plateau.processes.member import Member, describe_exit
 from plateau.processes.read_settings import REDIS_VARIABLES
 from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor.machine import memory_for_children
 
 _API_START_S: Final = 60.0
 #: Time to stop before the kill; a stopping worker tries for 5 s to commit its slice.
@@ -231,11 +232,12 @@ class Tree:
 
     def _of_a_worker(self) -> dict[str, str]:
         share = max(1, len(os.sched_getaffinity(0)) // self.workers)
+        memory_gb = self.settings.child_memory_gb or memory_for_children() / self.workers / 1e9
         return {
             "PLATEAU_THREADS": str(self.settings.threads or share),
             "PLATEAU_POOL": self.settings.pool,
             "PLATEAU_TAGS": ",".join(self.settings.tags),
-            "PLATEAU_WORKERS_HERE": str(max(self.workers, self.settings.workers_here)),
+            "PLATEAU_CHILD_MEMORY_GB": f"{memory_gb:g}",
         }
 
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:

@@ -108,7 +108,7 @@ class Slurm:
 
 
 def label(task: str) -> str:
-    """The label that worker.sbatch gives a task's worker."""
+    """The label of the worker that Slurm has started as this task."""
     return f"slurm:{task}"
 
 

@@ -80,7 +80,7 @@ class Supervisor:
         )
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
-        loading_s = START_TIMEOUT_S + settings.load_timeout_s
+        loading_s = START_TIMEOUT_S + settings.child_timeout_s
         placed = PlacedFiles(roots, FileHashes(settings.hashes))
         scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s, placed=placed)
         self._kinds = Kinds(settings.cache, choice)

@@ -142,7 +142,7 @@ class TestTheIndex:
         finish(client, other.id, JobState.FAILED)
         scripts.run(Forget(job=other.id, finished_for_ms=0))
         left = set(client.keys("*")) - before
-        assert left <= {"plateau:created", "plateau:totals", "plateau:heard"}
+        assert left <= {"plateau:store", "plateau:totals", "plateau:heard"}
 
 
 def jobs_number(client: redis.Redis, job_id: str) -> float | None:

@@ -83,7 +83,7 @@ def test_who_asks_for_none_has_none(client: redis.Redis, outbox: Outbox) -> None
     job = done(client, url=None)
     assert Jobs(client).get(job.id).notices == ()
     assert outbox.take(LEASE_S) is None
-    assert not client.exists(keys.job(job.id, "sealed"))
+    assert set(client.hkeys(keys.job(job.id, "sealed"))) <= {"fence"}
 
 
 def test_a_url_and_each_target_have_their_own(client: redis.Redis, outbox: Outbox) -> None:
@@ -216,3 +216,12 @@ def test_retries_grow_to_hours_and_end_after_a_day() -> None:
     # A receiver may ask for more time, but not for ever
     assert retry_delay_s(1, 600) == 600
     assert retry_delay_s(1, 10**9) == 4 * 3600
+<<<<<<< HEAD
+=======
+
+
+def test_a_spec_without_a_notice_leaves_no_trace(client: redis.Redis) -> None:
+    job = Jobs(client).get(StagedJob(client).id)
+    assert job.spec == JobSpec()
+    assert set(client.hkeys(keys.job(job.id, "sealed"))) <= {"fence"}
+>>>>>>> probs

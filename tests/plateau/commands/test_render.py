@@ -35,7 +35,7 @@ def render(tmp_path: Path) -> Iterator[Render]:
         out = str(tmp_path / "out")
         # scalar: no library to look for; short leases: whoever dies is soon replaced
         arguments = ("render", str(path), "-o", out, "--variant", "scalar_rgb", *options)
-        leases = {"PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
+        leases = {"PLATEAU_LEASE_S": "2"}
         gpus = {"CUDA_VISIBLE_DEVICES": ""} if hides_gpus else {}
         started.append(Command(*arguments, folder=tmp_path, **leases, **gpus))
         return started[-1]

@@ -79,7 +79,6 @@ class RealFarm(Farm):
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_THREADS": "1",
             # So that a killed process is missed soon.
-            "PLATEAU_HEARTBEAT_S": "0.5",
             "PLATEAU_LEASE_S": "2",
             **settings,
         }

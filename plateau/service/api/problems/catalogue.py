@@ -277,6 +277,7 @@ NO_SCENE_ROOTS: Final = INVALID_REQUEST.of(
     "scene_path", "this service has no scene roots (PLATEAU_SCENE_ROOTS); send the scene as a file")
 UNTIL_BEFORE_SINCE: Final = INVALID_REQUEST.of(
     "until", "it has to be later than since, and {until} is not later than {since}")
+NO_JOBS_NAMED: Final = INVALID_REQUEST.of("job", "name a job or a batch")
 NO_TIME: Final = INVALID_REQUEST.of("{name}", "{text} is no time: {error}")
 INVALID_SPEC: Final = ProblemType(
     "invalid-spec", 422, "Invalid job spec",

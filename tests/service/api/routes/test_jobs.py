@@ -416,7 +416,7 @@ def test_an_unknown_job_is_a_404_everywhere(http: httpx.Client, client: redis.Re
             *(
                 http.get(path + rest)
                 for rest in (
-                    *("", "/curve", "/curve.csv", "/events", "/log", "/slices", "/slices/0/log"),
+                    *("", "/curve", "/curve.csv", "/events", "/log", "/slices", "/log?slice=0"),
                     *("/image.png", "/image.exr", "/difference.png", "/results.zip"),
                 )
             ),
