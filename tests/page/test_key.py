@@ -121,9 +121,9 @@ def test_a_submitter_steers_its_own_jobs(
     farm.submit("other")
     files = {"scene": ("mine.xml", SCENE_XML)}
     headers = {"Authorization": f"Bearer {key}"}
-    answer = httpx.post(f"{url}/v1/jobs", files=files, headers=headers, trust_env=False)
+    answer = httpx.post(f"{url}/v1/jobs", files=files, headers=headers, trust_env=False, timeout=60)
     assert answer.status_code == 201
-    who = httpx.get(f"{url}/v1/key", headers=headers, trust_env=False).json()
+    who = httpx.get(f"{url}/v1/key", headers=headers, trust_env=False, timeout=60).json()
     assert (who["name"], who["role"]) == ("anna", "submitter")
     visitor = visit(expected={401})
     page = visitor.page

@@ -48,7 +48,7 @@ def test_names_batches_and_reasons_are_text(visit: Visit, farm: NoiseFarm) -> No
 
 def test_every_file_comes_with_its_policy_and_nothing_else_is_served(url: str) -> None:
     for path in ("/", "/submit", "/workers", "/jobs/0123456789ab", "/page/main.js"):
-        answer = httpx.get(url + path, trust_env=False)
+        answer = httpx.get(url + path, trust_env=False, timeout=60)
         policy = dict(
             directive.split(" ", 1)
             for directive in answer.headers["content-security-policy"].split("; ")
@@ -62,9 +62,9 @@ def test_every_file_comes_with_its_policy_and_nothing_else_is_served(url: str) -
     # They are asked for again and not sent again
     assert answer.headers["cache-control"] == "no-cache"
     headers = {"If-None-Match": answer.headers["etag"]}
-    assert httpx.get(url + path, headers=headers, trust_env=False).status_code == 304
+    assert httpx.get(url + path, headers=headers, trust_env=False, timeout=60).status_code == 304
     for path in ("/page/none.js", "/page/../routes_page.py", "/page/%2e%2e/app.py"):
-        answer = httpx.get(url + path, trust_env=False)
+        answer = httpx.get(url + path, trust_env=False, timeout=60)
         assert answer.status_code == 404
         assert answer.headers["content-type"] == "application/problem+json"
 

@@ -159,7 +159,7 @@ def test_a_few_are_left_out_and_every_figure_says_so(
     assert curve[0].visible_pixels == 0  # the first image, against itself
     summary = job_text.summary(job_view(done), utc_now())
     assert "2 px (0.26 %) are NaN or infinite, and left out" in summary
-    with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
+    with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url, timeout=60) as http:
         path = f"/v1/jobs/{job.id}"
         assert http.get(path).json()["non_finite_pixels"] == 2
         rows = list(csv.DictReader(http.get(f"{path}/curve.csv").text.splitlines()))

@@ -63,7 +63,7 @@ def test_users_have_it_beside_the_image_and_read_its_ends(
         job = client.job(done.id)
         about = write_results(client, job, tmp_path / "out")
         np.testing.assert_array_equal(client.channels(job.id)["spp"], spp(farm, done))
-        report = httpx.get(f"{url}{job.links['report']}").text
+        report = httpx.get(f"{url}{job.links['report']}", timeout=60).text
         points = client.curve(job.id)
     assert (tmp_path / "out" / "spp.png").read_bytes() == farm.picture(done, "spp.png")
     ends = f"{done.spp_min:,} to {done.spp_max:,} spp"

@@ -167,7 +167,7 @@ class TestABody:
             trickle(connection)
         # And both are counted as requests of clients that have gone, and are no errors
         given_up = '_count{method="POST",route="/v1/jobs",status="4xx"} 2.0'
-        with httpx.Client(base_url=url, trust_env=False) as http:
+        with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:
             until(lambda: given_up in http.get("/metrics").text)
         assert [one.message for one in caplog.records if one.levelno >= logging.ERROR] == []
 
@@ -186,7 +186,7 @@ class TestABody:
         with (
             live_api(redis_url, api_store) as url,
             connected(url) as uploading,
-            httpx.Client(trust_env=False) as http,
+            httpx.Client(trust_env=False, timeout=60) as http,
         ):
             body_of(uploading, 250_000)
             # When there are 50,000 bytes every 40 s
@@ -258,7 +258,7 @@ def test_there_are_fewer_connections_than_descriptors(farm: RealFarm, tmp_path: 
         for connection in idle:
             connection.close()
     # And, once they are gone, so is who comes then
-    with httpx.Client(base_url=url, trust_env=False, verify=False) as http:
+    with httpx.Client(base_url=url, trust_env=False, timeout=60, verify=False) as http:
         until(lambda: http.get("/readyz").status_code == 200)
     # And the log has no more to say of it than of anything else
     assert "out of system resource" not in log.read_text()

@@ -338,7 +338,7 @@ class TestOverHttp:
     def http(self, farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
         with (
             live_api(redis_url, farm.store) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=30) as http,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
         ):
             yield http
 

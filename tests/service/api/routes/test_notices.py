@@ -111,7 +111,7 @@ def lab(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
     """An API whose owner allows a network and a host."""
     with (
         live_api(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as url,
-        httpx.Client(base_url=url, trust_env=False, timeout=20) as http,
+        httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
     ):
         yield http
 
@@ -142,7 +142,7 @@ def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
     targets = Targets({"ops": "json://127.0.0.1/a-secret", "lead": "slack://b-secret"}, ("ops",))
     with (
         live_api(redis_url, store, targets=targets) as url,
-        httpx.Client(base_url=url) as lab,
+        httpx.Client(base_url=url, timeout=60) as lab,
     ):
         assert submit(lab).json()["spec"]["notice"]["targets"] == ["ops"]
         answer = submit(lab, spec={"notice": {"targets": ["lead"]}})
