@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import redis
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -219,6 +219,7 @@ def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
     assert done.stdout.split() == ["bar", "box"]
 
 
+@settings(max_examples=30)
 @given(st.lists(st.from_regex(r"[a-z/]+(:[a-z]+)*:?", fullmatch=True), min_size=1, max_size=6))
 def test_words_are_put_together_as_they_were(words: list[str]) -> None:
     # Given a line as bash takes it apart; a word that ends with a colon must be the last
