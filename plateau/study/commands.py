@@ -210,7 +210,10 @@ def export(
     if out is None:
         sys.stdout.write(text)
     else:
-        out.write_text(text, encoding="utf-8")
+        from plateau.files.job_folder import whole
+
+        with whole(out) as file:
+            file.write_text(text, encoding="utf-8")
 
 
 @study.command()
