@@ -235,7 +235,7 @@ def _of_png(stream: IO[bytes]) -> str | None:
 def _of_jpeg(stream: IO[bytes]) -> str | None:
     while len(head := stream.read(4)) == 4:
         mark, kind, length = struct.unpack(">BBH", head)
-        if mark != 0xFF:
+        if mark != 0xFF or kind == 0xFF:
             return None  # libjpeg looks for the next mark
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             bits, _, _, channels = struct.unpack(">BHHB", stream.read(6).ljust(6, b"\0"))
