@@ -551,7 +551,20 @@ BAD = [
             b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR": "cut short",
             openexr("Z"): "channels 'Z'",
             openexr("A", "B", "G", "R", "Z"): "channels 'A, B, G, R, Z'",
+            openexr("left.A", "left.B", "left.G", "left.R"): "channels 'left.A, left",
         }.items()
+    ),
+    Bad(
+        "unreadable-file",
+        zipped(
+            {
+                "scene.xml": scene(
+                    TEXTURE_OF.replace("texture", "emitter").replace("bitmap", "envmap")
+                ),
+                "wood": openexr("d.B", "d.G", "d.R"),
+            }
+        ),
+        "channels 'd.B, d.G, d.R'",
     ),
     Bad(
         "unreadable-file", zipped({"scene.xml": scene(SERIALIZED), "a": serialized(9)}), "vertex 9"
