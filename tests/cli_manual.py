@@ -39,9 +39,10 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         (
             "These commands talk to a service, by default the one on this machine. Name another "
             "with `--url` or `PLATEAU_URL`. `PLATEAU_KEY` or `PLATEAU_KEY_FILE` has the API key. "
-            "A job's id may be shortened, as in git."
+            "A job's id may be shortened, as in git. A batch is several jobs under one name, such "
+            "as the frames of an animation: [animation.md](animation.md)."
         ),
-        ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "usage", "scenes"),
+        ("submit", "watch", "list", "show", "log", "fetch", "movie", "usage"),
     ),
     (
         "Control jobs and workers",
@@ -49,15 +50,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
             "the workers."
         ),
-        ("cancel", "pause", "resume", "priority", "delete", "restore", "again", "drain"),
-    ),
-    (
-        "Batches",
-        (
-            "A batch is several jobs under one name, such as the frames of an animation: "
-            "[animation.md](animation.md)."
-        ),
-        ("batches", "batch", "shot", "movie"),
+        ("cancel", "pause", "resume", "priority", "delete", "again", "drain"),
     ),
     (
         "Ask observers",
@@ -70,12 +63,12 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "Administer a farm",
         (
-            "Keys and Redis users decide who may do what, `notify` tests who hears of the ends of "
-            "jobs ([notices.md](notices.md)), and `scale` runs workers in a batch system."
+            "Keys and Redis users decide who may do what, and `scale` runs workers in a batch "
+            "system."
         ),
         (
             *("keys create", "keys list", "keys rotate", "keys revoke"),
-            *("redis-acl", "notify", "scale slurm"),
+            *("redis-acl", "scale slurm"),
         ),
     ),
 )
@@ -193,8 +186,7 @@ def placeholder(argument: Any) -> str:
 
 def _argument_row(argument: Any) -> str:
     name = placeholder(argument).strip("[]")
-    default = "required" if argument.required else "–"
-    return f"| `{name}` | {default} | {_cell(argument.help)} |\n"
+    return f"| `{name}` | {_default(argument)} | {_cell(argument.help)} |\n"
 
 
 def _option_row(option: Any) -> str:

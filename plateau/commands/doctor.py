@@ -9,14 +9,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.printing import print_json
-from plateau.exit_codes import ExitCode
+from plateau.errors import CommandFailed, ExitCode, needs
 
 if TYPE_CHECKING:
     from plateau.farm.model.renderers import RendererFacts
@@ -38,14 +38,29 @@ class Check:
 
 
 @app.command()
-def doctor(as_json: o.Json = False) -> None:
+def doctor(
+    notify: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Only send a test message to this target of PLATEAU_NOTIFY_FILE, and say whether "
+            "it was taken.",
+        ),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
     """Check what works on this machine, and explain what does not.
 
     For example:
       plateau doctor
+      PLATEAU_NOTIFY_FILE=/etc/plateau/targets plateau doctor --notify ops
 
-    The exit code is 1 if nothing can be rendered.
+    The exit code is 1 if nothing can be rendered, or the message cannot be sent. Its reason is then
+    shown, and may have parts of the target's URL.
     """
+    if notify is not None:
+        _notify(notify, as_json=as_json)
+        return
     from plateau.farm.model.renderers import MITSUBA, renderers
     from plateau.processes.read_settings import farm_settings
     from plateau.worker.supervisor.variants import choose
@@ -163,7 +178,7 @@ def _renderer(one: "RendererFacts") -> Iterator[Check]:
         done = subprocess.run(
             command(variant, one.devices),
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=_DEVICES_S,
             check=True,
         )
@@ -196,7 +211,7 @@ def _confinement() -> Iterator[Check]:
 
 def _redis_version(binary: Path) -> str:
     answer = subprocess.run(
-        [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
+        [binary, "--version"], capture_output=True, encoding="utf-8", timeout=10, check=False
     ).stdout
     words = [word.removeprefix("v=") for word in answer.split() if word.startswith("v=")]
     return words[0] if words else "of unknown version"
@@ -210,3 +225,19 @@ def _without_passwords(settings: "Settings") -> dict[str, object]:
         if shown[name] is not None:
             shown[name] = without_password(str(shown[name]))
     return shown
+
+
+def _notify(name: str, *, as_json: bool) -> None:
+    """Send a test message to a target, or fail with what apprise said."""
+    from plateau.processes.read_settings import read_settings
+    from plateau.service.notices.targets import read_targets
+
+    with needs("monitor,notify"):
+        from plateau.service.monitor.notifier.notes import Note, NotNotified, send
+
+        test = Note("Plateau: a test", "This target is notified when jobs end that name it.")
+        try:
+            send(name, read_targets(read_settings()).url(name), test)
+        except NotNotified as error:
+            raise CommandFailed(f"{name} was not notified: {error.said}") from None
+    print(json.dumps({"target": name, "notified": True}) if as_json else f"{name} was notified")

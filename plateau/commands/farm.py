@@ -1,6 +1,5 @@
-"""`plateau workers | drain | usage | scenes`: what a farm has, and what it has cost."""
+"""`plateau drain | usage`: workers that are to stop, and what the jobs have cost."""
 
-from datetime import datetime
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,81 +10,17 @@ from plateau.commands.connect import connect
 from plateau.commands.printing import print_one, print_table
 from plateau.errors import tell
 from plateau.farm.model.usage import Grouping
-from plateau.farm.wire.figures import duration, percent, significant
+from plateau.farm.wire.figures import significant
 
 if TYPE_CHECKING:
-    from plateau.farm.model.worker import Worker
     from plateau.farm.wire.usage_views import UsageRow
-    from plateau.farm.wire.views import SceneView
-
-WORKER_COLUMNS = (
-    *("id", "host", "variant", "threads", "pool", "renders", "rate", "done", "load", "memory"),
-    *("disk free", "°C", "core hours", "up", "version", "trouble"),
-)
-_SPARE_OF_WORKERS = (
-    *("version", "disk free", "°C", "memory", "core hours", "up", "threads", "host", "done"),
-    *("pool", "rate", "variant"),
-)
-
-
-@app.command()
-def workers(url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the living workers, and what each renders.
-
-    For example:
-      plateau workers
-
-    In a pipe, columns are separated by tabs: id, host, best variant, threads, pool and tags, job
-    and slice, rate over the last slice, slices done, load of the machine, its memory in use, disk
-    that is left for the cache, temperature of its processor in °C, what the worker's slices have
-    cost since its start, its share of what its jobs saved, time since its start, version, trouble.
-    """
-    from plateau.farm.model.job import utc_now
-
-    with connect(url) as client:
-        found = client.workers()
-    now = utc_now()
-    print_table(
-        found,
-        WORKER_COLUMNS,
-        lambda worker: worker_row(worker, now),
-        none="there is no worker; `plateau worker` starts one, `plateau up --workers N` starts N",
-        spare=_SPARE_OF_WORKERS,
-        as_json=as_json,
-    )
-
-
-def worker_row(worker: "Worker", now: datetime) -> tuple[str, ...]:
-    """The worker as a row of a table with `WORKER_COLUMNS`."""
-    from plateau.farm.wire.job_text import share_of, size
-
-    rate, machine = worker.samples_per_s, worker.machine
-    free = None if machine is None else machine.disk_free_bytes
-    temperature = None if machine is None else machine.temperature_c
-    return (
-        worker.id,
-        worker.host,
-        worker.variants[0] if worker.variants else "–",
-        str(worker.threads),
-        ", ".join((worker.pool, *worker.tags)),
-        "–" if worker.job is None else f"{worker.job}/{worker.slice}",
-        "–" if rate is None else f"{rate / 1e6:.2f} Msamples/s",
-        str(worker.slices_done),
-        "–" if machine is None else percent(machine.load),
-        "–" if machine is None else share_of(machine.memory_used_bytes, machine.memory_bytes),
-        "–" if free is None else size(free),
-        "–" if temperature is None else f"{temperature:.0f}",
-        "–" if worker.core_hours is None else significant(worker.core_hours),
-        duration(max(0.0, (now - worker.started_at).total_seconds())),
-        worker.plateau or "–",
-        worker.trouble or worker.last_error or "–",
-    )
 
 
 @app.command()
 def drain(
     worker_id: Annotated[
-        str, typer.Argument(metavar="WORKER", help="The worker's id, as `plateau workers` has it.")
+        str,
+        typer.Argument(metavar="WORKER", help="The worker's id, as `plateau list workers` has it."),
     ],
     undo: Annotated[bool, typer.Option("--undo", help="Let it take slices again.")] = False,
     url: o.Url = None,
@@ -155,24 +90,3 @@ def _usage_row(row: "UsageRow") -> tuple[str, ...]:
         significant(row.core_hours),
         significant(row.saved_core_hours),
     )
-
-
-@app.command()
-def scenes(url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the stored scenes.
-
-    For example:
-      plateau scenes
-      plateau scenes --json | jq -r '.[].sha256'
-    """
-    with connect(url) as client:
-        found = client.scenes()
-    columns, spare = ("sha256", "name", "size", "film"), ("film", "size")
-    print_table(found, columns, _scene_row, none="no scene is stored", spare=spare, as_json=as_json)
-
-
-def _scene_row(scene: "SceneView") -> tuple[str, ...]:
-    from plateau.farm.wire.job_text import size
-
-    film = "–" if scene.width is None or scene.height is None else f"{scene.width}×{scene.height}"
-    return (scene.sha256, scene.name, size(scene.bytes), film)

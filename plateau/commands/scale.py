@@ -238,7 +238,7 @@ def _environment(limits: "Limits", settings: "Settings") -> dict[str, str]:
 
 def _variables(file: Path) -> dict[str, str]:
     """The variables in a file of NAME=VALUE lines; empty lines and comments (#) are skipped."""
-    lines = (line.strip() for line in file.read_text().splitlines())
+    lines = (line.strip() for line in file.read_text(encoding="utf-8").splitlines())
     found: dict[str, str] = {}
     for number, line in enumerate(lines, start=1):
         if line and not line.startswith("#"):

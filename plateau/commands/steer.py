@@ -1,4 +1,4 @@
-"""`plateau cancel | pause | resume | delete | restore | priority`: controls jobs and batches."""
+"""`plateau cancel | pause | resume | delete | priority`: controls jobs and batches."""
 
 from typing import Annotated
 
@@ -55,32 +55,26 @@ def resume(
 
 @app.command()
 def delete(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
+    job_id: o.OrJobId = None,
+    batch: o.OrBatch = None,
+    undo: Annotated[
+        bool, typer.Option("--undo", help="Put what was deleted back into the list.")
+    ] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
 ) -> None:
     """Delete an ended job, or those of a batch. It can be undone for a while.
 
     For example:
       plateau delete 3f9ac2d01b77
       plateau list --deleted
-      plateau restore 3f9ac2d01b77
+      plateau delete --undo 3f9ac2d01b77
+      plateau delete --undo --batch walk
 
     A deleted job leaves the list and its batch at once. It is removed with all its files after
     PLATEAU_KEEP_DELETED_DAYS (7 unless set), as soon as no other job continues it.
     """
-    _steer(job_id, batch, "delete", url=url, as_json=as_json)
-
-
-@app.command()
-def restore(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Put a deleted job, or those of a batch, back into the list.
-
-    For example:
-      plateau restore 3f9ac2d01b77
-      plateau restore --batch walk
-    """
-    _steer(job_id, batch, "restore", url=url, as_json=as_json)
+    _steer(job_id, batch, "restore" if undo else "delete", url=url, as_json=as_json)
 
 
 def _steer(

@@ -34,7 +34,7 @@ def gc(
         float | None,
         _days(
             help="Remove jobs that were deleted more than this many days ago, with their results. "
-            "Until then, `plateau restore` restores them.",
+            "Until then, `plateau delete --undo` restores them.",
             show_default="PLATEAU_KEEP_DELETED_DAYS, else 7",
         ),
     ] = None,

@@ -172,6 +172,9 @@ class _Disk:
         here = self.path(path)
         return "file" if here.is_file() else "folder" if here.is_dir() else None
 
+    def names(self, folder: Parts) -> list[str]:
+        return [one.name for one in self.path(folder).iterdir()]
+
     def label(self, path: Parts) -> str:
         return str(self.path(path))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 
@@ -37,7 +37,7 @@ class DenoisingTask:
     view: View
     others: tuple[Half, Half] | None = None  #: two other halves, by which zones are chosen
     is_draft: bool = False  #: whether the halves alone are to be denoised
-    look: Look | None = None  #: through which the image is seen
+    transform: ViewTransform | None = None  #: through which the image is seen
 
     @classmethod
     def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool, is_draft: bool) -> DenoisingTask:
@@ -54,7 +54,7 @@ class DenoisingTask:
             View(**spec.view.of_display()),
             merge.other_halves(as_seen=False) if spec.by_zones and is_point else None,
             is_draft,
-            merge.look,
+            merge.transform,
         )
 
     def arrays(self) -> Arrays:
@@ -67,17 +67,18 @@ class DenoisingTask:
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
             "is_draft": np.array(self.is_draft),
-            "look": np.array("" if self.look is None else self.look.as_text()),
+            "look": np.array("" if self.transform is None else self.transform.as_text()),
         }
 
     def seen(self, image: Pixels) -> Pixels:
         """Return the light that an image makes of the display."""
-        return image if self.look is None else self.look.seen(image, self.view.exposure_ev)
+        transform = self.transform
+        return image if transform is None else transform.seen(image, self.view.exposure_ev)
 
     @property
     def gain(self) -> float:
         """By what the image is brighter on the display than its radiance, its exposure aside."""
-        return 1.0 if self.look is None else self.look.gain
+        return 1.0 if self.transform is None else self.transform.gain
 
     @classmethod
     def restored(cls, arrays: Arrays) -> DenoisingTask:
@@ -90,7 +91,7 @@ class DenoisingTask:
             View(**json.loads(str(arrays["view"]))),
             (others[0], others[1]) if others else None,
             bool(arrays["is_draft"]),
-            Look.from_text(look) if (look := str(arrays["look"])) else None,
+            ViewTransform.from_text(text) if (text := str(arrays["look"])) else None,
         )
 
 

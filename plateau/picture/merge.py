@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import SharedSpec
@@ -37,12 +37,12 @@ class Merge:
     slice_spp: int
     zone_size: int | None = None  #: in pixels; None where all slices have the whole film
     background: Colour = BLACK  #: behind an image with alpha
-    exposure_ev: float = 0.0  #: under which the image will be seen; it matters to a look alone
+    exposure_ev: float = 0.0  #: under which the image will be seen; only a transform needs it
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
-    look: Look | None = None  #: the view transform of the scene
+    transform: ViewTransform | None = None  #: the view transform of the scene
     header: Mapping[str, str] = field(default_factory=dict)  #: what that of the image is to say
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -142,7 +142,7 @@ class Merge:
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         if not self.slices:
-            self.look, self.header = partial.look, partial.header
+            self.transform, self.header = partial.transform, partial.header
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -187,8 +187,8 @@ class Merge:
     def image(self, *, as_seen: bool = True) -> Pixels:
         """Return the image that is judged: (height, width, 3) float32 linear radiance.
 
-        An image with alpha is over the background. An image with a look is the light that it makes
-        of a display, unless it is wanted as rendered (`as_seen` is false).
+        An image with alpha is over the background. An image with a view transform is the light of
+        the display, unless it is wanted as rendered (`as_seen` is false).
         """
         assert self._total is not None
         return self._image(self._film(self._total), as_seen)
@@ -276,8 +276,8 @@ class Merge:
         arrays: dict[str, NDArray[Any]] = {"total": self._total, "even": self._even}
         if self._sampled is not None:
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
-        if self.look is not None:
-            arrays["look"] = self.look.table
+        if self.transform is not None:
+            arrays["look"] = self.transform.table
         return arrays if self._other is None else {**arrays, "other": self._other}
 
     def about(self) -> dict[str, Any]:
@@ -287,7 +287,7 @@ class Merge:
             "ids": self.channels.ids,
             "origin": self.origin,
             "header": self.header,
-            **({} if self.look is None else {"look_gain": self.look.gain}),
+            **({} if self.transform is None else {"look_gain": self.transform.gain}),
             **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
 
@@ -301,7 +301,7 @@ class Merge:
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")
         if "look" in arrays:
-            self.look = Look(arrays["look"], about["look_gain"])
+            self.transform = ViewTransform(arrays["look"], about["look_gain"])
         if "canvas" in about:
             canvas = Canvas.restored(about["canvas"])
             self._sampled = Sampled(canvas, arrays["spp"], arrays["even_spp"])
@@ -317,6 +317,6 @@ class Merge:
 
     def _image(self, total: NDArray[np.float64], as_seen: bool) -> Pixels:
         image = self.channels.seen_in(total, self.background)
-        if self.look is None or not as_seen:
+        if self.transform is None or not as_seen:
             return image
-        return self.look.seen(image, self.exposure_ev)
+        return self.transform.seen(image, self.exposure_ev)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 from plateau.farm.model import versions
 from plateau.farm.redis import keys
 from tests.support.farms.faulty_farm import FaultyFarm

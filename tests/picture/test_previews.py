@@ -3,13 +3,11 @@
 import hashlib
 import io
 from itertools import pairwise
-from pathlib import Path
 from typing import ClassVar
 
 import httpx
 import numpy as np
 import pytest
-import redis
 from PIL import Image
 
 from plateau.farm.blobs import names as blobs
@@ -79,10 +77,6 @@ def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> N
 
 
 class TestOverHttp:
-    @pytest.fixture
-    def farm(self, client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-        return NoiseFarm(client, redis_url, tmp_path)
-
     def test_a_preview_is_what_the_image_was(self, farm: NoiseFarm, redis_url: str) -> None:
         job = farm.submit(step=25, max_spp=75, rule={"name": "fixed", "spp": 75})
         path = f"/v1/jobs/{job.id}"
@@ -128,44 +122,17 @@ class TestAThumbnail:
         assert max(thumbnail(np.ones((193, 1, 3), np.float32), 0).shape) <= LONGEST
 
     def test_averages_light_and_not_codes(self) -> None:
+        assert thumbnail(np.full((400, 400, 3), np.nan, np.float32), 0).max() == 0
         stripes = np.zeros((400, 400, 3), np.float32)
         stripes[::3] = 1.0
         middle = thumbnail(stripes, 0)[50, 50]
         assert (abs(middle.astype(int) - 156) <= 1).all()  # the code of 1/3; of the codes it is 85
-
-    def test_shows_what_is_not_finite_as_black(self) -> None:
-        image = np.full((400, 400, 3), np.nan, np.float32)
-        assert thumbnail(image, 0).max() == 0
-
-
-def test_the_first_slice_is_shown_long_before_the_first_point(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    farm = NoiseFarm(client, redis_url, tmp_path)
-    job = farm.submit(step=100, slice_spp=10, max_spp=1000)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.results(job.id), 60)
-        assert blobs.spp_of_set(farm.jobs.results(job.id)) == 10
-        assert Image.open(io.BytesIO(farm.picture(job, "image.png"))).size == (32, 24)
-        # The first point has its own, and that of the slice is gone
-        farm.render(9)
-        until(lambda: blobs.spp_of_set(farm.jobs.results(job.id)) == 100, 60)
-        until(lambda: len(sets_of(farm, job.id)) == 1, 60)
-        # It was none of the pictures that are kept of the job's way
-        assert kept(farm.store, job.id) == [100]
-        farm.jobs.cancel(job.id)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
 
 
 class TestAGlimpse:
     """The first pass of the first slice, which may take minutes."""
 
     SPEC: ClassVar = {"step": 100, "slice_spp": 10, "max_spp": 1000}
-
-    @pytest.fixture
-    def farm(self, client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-        return NoiseFarm(client, redis_url, tmp_path)
 
     def test_is_shown_until_the_first_slice_is_there(self, farm: NoiseFarm) -> None:
         job = farm.submit(**self.SPEC)
@@ -184,6 +151,8 @@ class TestAGlimpse:
             farm.commit(lease)
             until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
             until(lambda: len(sets_of(farm, job.id)) == 1, 60)
+            # Only pictures of points are kept of the job's way
+            assert kept(farm.store, job.id) == []
             farm.jobs.cancel(job.id)
             until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
         assert farm.jobs.get(job.id).image_spp == 10
@@ -199,17 +168,15 @@ class TestAGlimpse:
         assert (farm.jobs.get(job.id).image_spp, farm.jobs.get(job.id).spp) == (None, 0)
         assert farm.store.names(blobs.of_job(job.id)) == []
 
-    @pytest.mark.parametrize("spoiled", [b"torn", "larger than its slice"])
+    @pytest.mark.parametrize("is_torn", [True, False])
     def test_that_is_spoiled_costs_nothing_else(
-        self, farm: NoiseFarm, spoiled: bytes | str, caplog: pytest.LogCaptureFixture
+        self, farm: NoiseFarm, is_torn: bool, caplog: pytest.LogCaptureFixture
     ) -> None:
         job = farm.submit(**self.SPEC)
         with farm.monitor():
             lease = farm.next_lease()
-            if isinstance(spoiled, bytes):
-                farm.glimpse(lease, 4, spoiled)
-            else:
-                farm.glimpse(lease, 10)
+            # Or as large as its slice
+            farm.glimpse(lease, 4, b"torn") if is_torn else farm.glimpse(lease, 10)
             until(lambda: "the first pass cannot be shown" in caplog.text, 60)
             farm.commit(lease)
             until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)

@@ -39,7 +39,8 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
         from plateau.commands.connect import connect
 
         with connect(ctx.params.get("url"), timeout_s=1.0, quiet=True) as client:
-            jobs = client.jobs(limit=200, deleted=ctx.info_name == "restore").jobs
+            undo = ctx.info_name == "delete" and bool(ctx.params.get("undo"))
+            jobs = client.jobs(limit=200, deleted=undo).jobs
     except Exception:  # noqa: BLE001  (the command itself will report the error)
         return []
     useful = _USEFUL.get(ctx.info_name or "")

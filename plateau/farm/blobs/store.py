@@ -18,6 +18,7 @@ from plateau.farm.blobs.errors import is_absence, why
 from plateau.farm.blobs.folder import INCOMING, Folder
 from plateau.farm.blobs.names import MARK
 from plateau.farm.model.errors import BlobsUnavailable
+from plateau.farm.model.scene_roots import at_home
 
 
 class StoredBlob(NamedTuple):
@@ -222,7 +223,7 @@ class Blobs:
 def _folder(where: str) -> Path | None:
     """The folder of a path or a ``file://`` URL; None for any other URL."""
     if "://" not in where:
-        return Path(where).absolute()
+        return at_home(where).absolute()
     url = urlsplit(where)
     return Path(url2pathname(url.path)) if url.scheme == "file" else None
 

@@ -74,6 +74,11 @@ class RootsTree:
             raise EscapeError
         return here
 
+    def names(self, folder: Parts) -> Iterable[str]:
+        """Return the names of what is in a folder."""
+        here = self.path(folder) if folder else None
+        return self._roots if here is None else [one.name for one in here.iterdir()]
+
     def is_link(self, folder: Parts) -> bool:
         """Whether the last component of a path is a link."""
         return len(folder) > 1 and self._roots[folder[0]].path.joinpath(*folder[1:]).is_symlink()

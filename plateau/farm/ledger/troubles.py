@@ -18,8 +18,8 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 
-#: How many jobs without a worker are looked at.
-_LOOKED_AT: Final = 50
+#: How many jobs without a worker are read.
+_MOST_READ: Final = 50
 #: A worker that failed so often in a row is a trouble.
 _MANY: Final = 3
 #: What is written to see whether the blob store is full.
@@ -58,7 +58,7 @@ def _unserved(client: RedisClient, crew: Crew) -> list[Trouble]:
     jobs = Jobs(client)
     waiting: dict[str, Trouble] = {}
     counted: Counter[str] = Counter()
-    for job_id in take_census(client).unserved[:_LOOKED_AT]:
+    for job_id in take_census(client).unserved[:_MOST_READ]:
         job = jobs.get(job_id)
         words = waits_for(job, crew)
         if words is not None:

@@ -28,7 +28,7 @@ _LOG = logging.getLogger(__name__)
 HANGS: Final = "it waits for a disk, a network mount or a device that does not answer"
 #: A killed child that is there for longer is one of those.
 GONE_S: Final = 10.0
-_LOOK_S: Final = 0.01  #: between two looks whether a killed child is gone
+_POLL_S: Final = 0.01  #: between two checks whether a killed child is gone
 
 _MOST_BYTES: Final = 4096  #: of one reading of what a child prints
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
@@ -188,7 +188,7 @@ class Child:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GONE_S)
         while self._is_there() and time.monotonic() < gone_by:
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
         if self._is_there():
             _LOG.error("the killed child process %d is still there: %s", self.pid, HANGS)
         self._is_over = True

@@ -46,7 +46,7 @@ from plateau.service.notices.targets import read_targets
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
-_DENOISED_S: Final = 0.1  #: between two looks whether an image is denoised
+_DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
 

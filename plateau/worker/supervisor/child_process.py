@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
-from plateau.farm.images.look import Look
 from plateau.farm.images.mattes import check_attributes
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.slices.zones import Zone, pixels_of
@@ -41,7 +41,7 @@ CANCEL_GRACE_S: Final = 2.0
 
 #: A child that has not imported its renderer by then is killed.
 START_TIMEOUT_S: Final = 120.0
-_POLL_S: Final = 0.5  #: between two looks at a silent child
+_POLL_S: Final = 0.5  #: between two checks of a silent child
 
 
 class ChildDied(Exception):
@@ -79,6 +79,7 @@ class RenderChild:
         self._limits = limits
         self._request_id = 0
         self._scene: Loaded | None = None
+        self.notes: tuple[str, ...] = ()  #: on the last film
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._home = home
@@ -138,7 +139,7 @@ class RenderChild:
             channels = Channels(scene.channels, scene.ids)
             channels.check_size(scene.width, scene.height)
             if scene.look:
-                Look.from_text(scene.look)
+                ViewTransform.from_text(scene.look)
             check_attributes(scene.header)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
@@ -171,6 +172,7 @@ class RenderChild:
                 show(self._film(self._scene, zones, answer.at), answer.spp)
             elif isinstance(answer, contract.SumDone):
                 self._watch.ended(samples)
+                self.notes = answer.notes
                 return self._film(self._scene, zones, answer.at), answer.render_s
 
     def _film(self, scene: Loaded, zones: Sequence[Zone], at: int) -> Film:

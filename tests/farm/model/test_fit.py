@@ -9,7 +9,7 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model.errors import TooManyNeeds
+from plateau.farm.model.errors import InvalidSpec, TooManyNeeds
 from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -244,9 +244,9 @@ class TestNames:
 
     @pytest.mark.parametrize("name", ["", "a b", "a,b", "a:b", "-a", "ä", "x" * 41])
     def test_others_are_refused(self, name: str) -> None:
-        with pytest.raises(ValidationError):
+        with pytest.raises(InvalidSpec, match=r"^pool: must"):
             JobSpec(pool=name)
-        with pytest.raises(ValidationError):
+        with pytest.raises(InvalidSpec):
             JobSpec(requires=(name,))
         with pytest.raises(ValidationError):
             Settings(pool=name)

@@ -120,7 +120,10 @@ class TestLists:
             ("n=1..8..3", ["1", "4", "7"]),
             ("n=1..8:3", ["1", "4", "7"]),
             ("n=red,blue", ["red", "blue"]),
-            ("n=0.5,1..2", ["0.5", "1..2"]),
+            ("n=0.5,1..2", ["0.5", "1", "2"]),
+            ("n=1..3,7", ["1", "2", "3", "7"]),
+            ("n=008..010", ["008", "009", "010"]),
+            ("n=2026-11-27", ["2026-11-27"]),
         ],
     )
     def test_of_one_parameter(self, text: str, values: list[str]) -> None:
@@ -151,6 +154,11 @@ class TestLists:
             (["n=1..2", "n=3..4"], "one parameter twice"),
             (["n=1..8:0"], r"a range as 0..99 or 0..99:2.* not '1..8:0'"),
             (["n=0..1.5"], "a range as"),
+            (["n=1-10"], r"did you mean 1\.\.10\?"),
+            (["n=4,1-10x3"], r"did you mean 1\.\.10:3\?"),
+            (["n=1:10"], r"did you mean 1\.\.10\?"),
+            (["n=1,2,1"], "jobs 1 and 3 would be the same: n=1"),
+            (["n=1,,2"], "no value before or after"),
             (["n=0..1000"], "makes 1,001 jobs"),
             (["n=0..999999999"], "makes 1,000,000,000 jobs"),
             (["n=1..100", "m=1..11"], "makes 1,100 jobs"),
@@ -177,6 +185,7 @@ class TestLists:
         [
             ("", "has no entries"),
             ("a,b\n", "has no entries"),
+            ('[{"a": 1}, {"a": "1"}]', "jobs 1 and 2 would be the same: a=1"),
             ("[]", "has no entries"),
             ("a,a\n1,2\n", "name each column once"),
             ("a,\n1,2\n", "name each column"),
@@ -218,12 +227,14 @@ class TestTheCommandLine:
         assert (code, out) == (0, "w\n"), error
         made = list(plateau.all_jobs(batch="w"))[::-1]
         assert [job.spec.parameters["frame"] for job in made] == ["0", "1", "2"]
-        code, out, _ = command("batches")
+        code, out, _ = command("list", "batches")
         assert (code, out.split("\t")[:3]) == (0, ["w", "3", "3 queued"])
-        code, out, _ = command("batch", "w")
+        code, out, _ = command("show", "--batch", "w")
         assert code == 0
         assert "w, 3 jobs: 3 queued" in out
-        assert json.loads(command("batch", "w", "--json")[1])["job_ids"] == [job.id for job in made]
+        assert json.loads(command("show", "--batch", "w", "--json")[1])["job_ids"] == [
+            job.id for job in made
+        ]
 
     def test_submits_a_shot_and_shows_it(self, walk: Path) -> None:
         submitted = ("submit", str(walk), "--each", "frame=0..2", "--batch", "w", "--shot")
@@ -235,13 +246,13 @@ class TestTheCommandLine:
             code, _, error = command(*submitted, text)
             assert (code, words in " ".join(error.split())) == (2, True), error
         assert command(*submitted, "24:target=none")[0] == 0
-        code, out, _ = command("shot", "w")
+        code, out, _ = command("show", "--batch", "w", "--frames")
         assert code == 0
         assert "3 frames at 24 per second, rendering: 0 of them wait" in out
         assert out.count("queued") == 3
-        found = json.loads(command("shot", "w", "--json")[1])
+        found = json.loads(command("show", "--batch", "w", "--frames", "--json")[1])
         assert (found["fps"], found["target"]) == (24, None)
-        assert "3 frames at 24 per second" in command("batch", "w")[1]
+        assert "3 frames at 24 per second" in command("show", "--batch", "w")[1]
         code, _, error = command("submit", str(walk), "--shot", "24")
         assert (code, "give `parameters` as a list" in error) == (1, True)
 

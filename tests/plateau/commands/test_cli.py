@@ -262,6 +262,16 @@ class TestOptions:
             code, _, err = plateau(command, "scenes:box", f"--{name}", "1")
             assert (code, f"No such option: --{name}" in " ".join(err.split())) == (2, True)
 
+    def test_may_begin_a_path_at_home(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, box: str
+    ) -> None:
+        # As a shell leaves them that finds them in quotes, or after a =
+        monkeypatch.setenv("HOME", str(tmp_path))
+        code, _, error = plateau("judge", "~/box.xml", "--out=~/judged")
+        assert (code, f"{box} is not a folder" in error) == (1, True)
+        code, _, error = plateau("denoise", "~/a.exr", "~/b.exr", "-o", "~/c.exr")
+        assert str(tmp_path / "a.exr") in error
+
     def test_that_are_wrong_raise_for_callers(self) -> None:
         with pytest.raises(typer.BadParameter):
             spec_from_options(step=0)
@@ -353,12 +363,16 @@ class TestTalkingToAService:
         assert plateau("delete", job.id) == (0, f"{job.id} cancelled, deleted\n", "")
         assert plateau("list") == (0, "", "no jobs\n")
         assert plateau("list", "--deleted")[1].startswith(f"{job.id}\tcancelled\t")
-        assert f"`plateau restore {job.id}` undoes it" in plateau("show", job.id)[1]
-        assert plateau("restore", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
+        assert f"`plateau delete --undo {job.id}` undoes it" in plateau("show", job.id)[1]
+        assert plateau("delete", "--undo", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
         assert plateau("list", "--search", "LAMP walk")[1].startswith(job.id)
         assert plateau("delete", "--batch", "walk") == (0, f"{job.id} cancelled\n", "")
-        assert plateau("batch", "walk")[0] == 1
-        assert plateau("restore", "--batch", "walk")[0] == plateau("batch", "walk")[0] == 0
+        assert plateau("show", "--batch", "walk")[0] == 1
+        assert (
+            plateau("delete", "--undo", "--batch", "walk")[0]
+            == plateau("show", "--batch", "walk")[0]
+            == 0
+        )
 
     def test_cancel_may_be_repeated_but_not_too_late(self, client: redis.Redis) -> None:
         job = StagedJob(client)

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from plateau.client import BadId, Client
 from plateau.commands import app
-from plateau.commands.farm import WORKER_COLUMNS, worker_row
+from plateau.commands.listing import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
@@ -51,24 +51,24 @@ def plateau(*arguments: str) -> tuple[int, str, str]:
 
 class TestCurve:
     def test_is_lines_or_csv_or_json(self, job: StagedJob, plateau_client: Client) -> None:
-        code, out, _ = plateau("curve", job.id)
+        code, out, _ = plateau("show", "--curve", job.id)
         assert code == 0
         assert [line.split()[0] for line in out.splitlines()] == ["100", "200"]
         assert "changed 9 px (1.2 %)  slope 0.5 px/spp" in out
-        assert plateau("curve", job.id, "--csv")[1] == plateau_client.curve_csv(job.id)
-        points = json.loads(plateau("curve", job.id, "--json")[1])
+        assert plateau("show", job.id, "--csv")[1] == plateau_client.curve_csv(job.id)
+        points = json.loads(plateau("show", "--curve", job.id, "--json")[1])
         assert [point["visible_pixels"] for point in points] == [5, 9]
-        code, _, err = plateau("curve", job.id, "--json", "--csv")
+        code, _, err = plateau("show", job.id, "--json", "--csv")
         assert (code, "choose one" in err) == (2, True)
 
     def test_that_has_no_point_yet_says_when_it_will(self, client: redis.Redis) -> None:
         new = StagedJob(client, step=50)
-        assert plateau("curve", new.id) == (
+        assert plateau("show", "--curve", new.id) == (
             0,
             "",
             "the curve has no point yet: the first comes at 50 spp\n",
         )
-        assert plateau("curve", new.id, "--json") == (0, "[]\n", "")
+        assert plateau("show", "--curve", new.id, "--json") == (0, "[]\n", "")
 
 
 class TestShow:
@@ -169,24 +169,24 @@ class TestWatch:
 
 class TestFarm:
     def test_scenes_are_listed(self, plateau_client: Client, tmp_path: Path) -> None:
-        assert plateau("scenes") == (0, "", "no scene is stored\n")
-        assert plateau("scenes", "--json") == (0, "[]\n", "")
+        assert plateau("list", "scenes") == (0, "", "no scene is stored\n")
+        assert plateau("list", "scenes", "--json") == (0, "[]\n", "")
         path = tmp_path / "box.xml"
         path.write_bytes(scene())
         sha256 = plateau_client.submit(path).scene_sha256
-        row = plateau("scenes")[1].rstrip("\n").split("\t")
+        row = plateau("list", "scenes")[1].rstrip("\n").split("\t")
         assert row[:2] == [sha256, "box.xml"]
-        assert json.loads(plateau("scenes", "--json")[1])[0]["sha256"] == sha256
+        assert json.loads(plateau("list", "scenes", "--json")[1])[0]["sha256"] == sha256
 
     def test_memory_in_use_keeps_its_unit_where_that_differs(self) -> None:
         assert share_of(812e6, 33.6e9) == "812.0 MB of 33.6 GB"
         assert share_of(0, 1e9) == "0 bytes of 1.0 GB"
 
     def test_workers_are_listed(self) -> None:
-        code, out, err = plateau("workers")
+        code, out, err = plateau("list", "workers")
         assert (code, out) == (0, "")
         assert "plateau worker" in err
-        assert plateau("workers", "--json") == (0, "[]\n", "")
+        assert plateau("list", "workers", "--json") == (0, "[]\n", "")
 
     def test_a_worker_is_drained(self, client: redis.Redis) -> None:
         SliceQueue(client, "w-1", 60).heartbeat(about("w-1"), ())
@@ -286,20 +286,33 @@ class TestShortIds:
 
 
 class TestErrorsSayWhatToDo:
-    @pytest.mark.parametrize("command", ["show", "log", "cancel", "curve", "fetch", "watch"])
+    @pytest.mark.parametrize("command", ["show", "log", "cancel", "show --curve", "fetch", "watch"])
     def test_of_a_job_that_is_not_there(self, command: str) -> None:
-        code, out, err = plateau(command, "0123456789ab")
+        code, out, err = plateau(*command.split(), "0123456789ab")
         assert (code, out) == (1, "")
         said = "there is no job '0123456789ab'; `plateau list` shows the jobs"
         assert err == f"plateau: {said}\n"
 
     @pytest.mark.parametrize(
-        "command", [["list"], ["workers"], ["scenes"], ["show", "x"], ["submit", "scenes:box"]]
+        ("command", "words"),
+        [
+            ("list workers --state rendering", "choose jobs, not workers"),
+            ("show", "give the id of a job, or --batch NAME"),
+            ("show --batch walk --curve", "show one job, not a batch"),
+            ("show 0123456789ab --frames", "--frames shows a shot: give --batch NAME"),
+        ],
     )
-    def test_of_a_service_that_is_not_there(self, command: list[str]) -> None:
+    def test_of_options_that_do_not_fit(self, command: str, words: str) -> None:
+        code, _, err = plateau(*command.split())
+        assert (code, words in " ".join(err.split())) == (2, True)
+
+    @pytest.mark.parametrize(
+        "command", ["list", "list workers", "list scenes", "show x", "submit scenes:box"]
+    )
+    def test_of_a_service_that_is_not_there(self, command: str) -> None:
         with listen("127.0.0.1", 0) as silent:  # it is nobody else's port, and nobody listens
             port = silent.getsockname()[1]
-            code, _, err = plateau(*command, "--url", f"http://127.0.0.1:{port}")
+            code, _, err = plateau(*command.split(), "--url", f"http://127.0.0.1:{port}")
         assert code == 1
         assert "start one with `plateau up`, or name it by --url or PLATEAU_URL" in err
         assert len(err.splitlines()) == 1
@@ -330,7 +343,7 @@ class TestErrorsSayWhatToDo:
             check=False,
         )
         assert (done.returncode, done.stderr) == (1, f"plateau: {out}: File too large\n")
-        assert {path.name for path in out.iterdir()} == {".plateau-job", "curve.csv", "curve.svg"}
+        assert list(out.iterdir()) == []
 
     def test_of_a_job_that_is_not_there_before_its_folder_is(self, tmp_path: Path) -> None:
         code, _, err = plateau("watch", "0123456789ab", "-o", str(tmp_path / "out"))

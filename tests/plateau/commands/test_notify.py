@@ -111,8 +111,8 @@ class TestNotify:
             file = tmp_path / "targets"
             file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}\n")
             monkeypatch.setenv("PLATEAU_NOTIFY_FILE", str(file))
-            assert plateau("notify", "ops") == (0, "ops was notified\n", "")
-            code, _, error = plateau("notify", "ops")
+            assert plateau("doctor", "--notify", "ops") == (0, "ops was notified\n", "")
+            code, _, error = plateau("doctor", "--notify", "ops")
         assert (code, "ops was not notified" in error, "500" in error) == (1, True, True)
-        code, _, error = plateau("notify", "boss")
+        code, _, error = plateau("doctor", "--notify", "boss")
         assert (code, "PLATEAU_NOTIFY_FILE names: ops" in error) == (1, True)

@@ -405,7 +405,7 @@ def happen(story: Story) -> DecidedJob:
     raise AssertionError(f"the job is {job.state.value} for good")
 
 
-MANY = settings(max_examples=2000 if WANTED else 300, deadline=None)
+MANY = settings(max_examples=2000 if WANTED else 150, deadline=None)
 
 
 @MANY

@@ -19,7 +19,7 @@ ORPHAN = "jobs/0123456789ab/partials/000000-killed-1.exr"
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
+    monkeypatch.setattr(sweeper, "_POLL_S", 0.05)
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
@@ -64,7 +64,7 @@ class NoiseFarm:
     variant = "scalar_rgb"  #: with which its slices are leased
     size = SIZE
     kinds = ("analytic 1",)  #: of its workers, which take turns
-    look: Look | None = None  #: of its scene
+    transform: ViewTransform | None = None  #: of its scene
 
     def __init__(
         self,
@@ -196,6 +196,6 @@ class NoiseFarm:
                 channels=self._shown(lease).channels,
                 zones=self._zones(lease),
                 renderer=self.kinds[lease.index % len(self.kinds)],
-                look=None if lease.index else self.look,
+                transform=None if lease.index else self.transform,
             )
         )

@@ -13,7 +13,7 @@ from typing import Final
 
 import psutil
 
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 from plateau.farm.blobs import names as blobs
 from tests.support.farms.faulty_farm import FaultyFarm
 

@@ -25,6 +25,7 @@ from plateau.worker.supervisor.child_process import (
 )
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.faults.loop_disk import LoopDisk
+from tests.support.scenes.bundles import PLY, mesh, scene
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
@@ -34,7 +35,7 @@ LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for
 
 @pytest.fixture
 def child(tmp_path: Path) -> Iterator[RenderChild]:
-    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX, tmp_path])
     yield child
     child.kill()
 
@@ -154,6 +155,39 @@ def test_a_scene_error_leaves_the_child_alive(lasting: RenderChild) -> None:
         lasting.load(BOX, "scene.xml", {**SMALL, "nonsense": "1"}, 0)
     lasting.load(BOX, "scene.xml", SMALL, 0)
     lasting.render((Pass(1, 0),))
+
+
+def test_what_mitsuba_says_of_a_file_is_told_with_its_name(
+    child: RenderChild, tmp_path: Path
+) -> None:
+    # Given a sun below the horizon, an image of no kind, and a mesh that ends Mitsuba
+    image = '<texture type="bitmap" name="reflectance"><string name="filename" value="wood"/>'
+    image = f'<bsdf type="diffuse">{image}</texture></bsdf>'
+    sky = '<emitter type="sunsky"><vector name="sun_direction" value="1,0,-1"/></emitter>'
+    start = '<integrator type="path"/>'
+    for name, xml in {
+        "warns.xml": scene(start, sky),
+        "black.xml": scene(start),
+        "odd.xml": scene(start, f'<shape type="rectangle">{image}</shape>'),
+        "dies.xml": scene(start, mesh("m/a.ply")),
+    }.items():
+        (tmp_path / name).write_bytes(xml)
+    (tmp_path / "wood").write_bytes(b"of no kind" * 9)
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m" / "a.ply").write_bytes(PLY.replace(b"3 0 1 2", b"3 0 1 2000000000"))
+    # When they are loaded, the warning is a note, and errors and the death name the file
+    loaded = child.load(tmp_path, "warns.xml", {}, 0)
+    assert any("Mitsuba warns: The sun is below the horizon" in one for one in loaded.notes)
+    assert "DEBUG" not in child.take_words()
+    child.load(tmp_path, "black.xml", {}, 0)
+    child.render((Pass(1, 0),))
+    assert child.notes == (
+        "the image is black, since no light arrived: the scene has no emitter; add one",
+    )
+    with pytest.raises(SceneError, match=r"Unknown file format.* \(wood\)$"):
+        child.load(tmp_path, "odd.xml", {}, 0)
+    with pytest.raises(ChildDied, match=r"SIGSEGV while loading the scene: .*the file a\.ply$"):
+        child.load(tmp_path, "dies.xml", {}, 0)
 
 
 def test_a_cancel_ends_the_render_after_its_pass(lasting: RenderChild) -> None:

@@ -27,8 +27,9 @@ from plateau.farm.wire.views import (
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import TYPES, Problem, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import TYPES, documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(tags=["farm"])
 
@@ -172,7 +173,7 @@ def get_problem_type(
     """Say what a problem's `type` means."""
     kind = TYPES.get(slug)
     if kind is None:
-        raise Problem(problems.UNKNOWN_PATH, f"there is no problem type {slug!r}")
+        raise Problem(problems.NO_SUCH_PROBLEM, slug=slug)
     return ProblemTypeView(type=kind.uri, status=kind.status, title=kind.title)
 
 

@@ -21,8 +21,9 @@ from plateau.farm.wire.views import (
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.parameters import Cursor, cursor_of, number_of
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -211,9 +212,7 @@ def get_slice_log(
     job = farm.job(job_id)
     plan = farm.jobs.plan(job)
     if index >= plan.stop:
-        until = "at its cap it has" if plan.is_complete else "so far it has"
-        raise Problem(
-            problems.UNKNOWN_SLICE, f"job {job.id} has no slice {index}: {until} {plan.stop}"
-        )
+        kind = problems.BEYOND_THE_CAP if plan.is_complete else problems.BEYOND_THE_PLAN
+        raise Problem(kind, job=job.id, index=index, slices=plan.stop)
     record, entries = farm.jobs.log_of(job.id, index)
     return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)

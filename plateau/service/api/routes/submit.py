@@ -10,8 +10,8 @@ from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_vi
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.parts import Farm
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.routes.jobs import shown
 from plateau.service.api.submission import idempotency
 from plateau.service.api.submission.creation import create_job

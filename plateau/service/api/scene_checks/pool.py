@@ -25,7 +25,7 @@ _AT_A_TIME: Final = 2
 MOST_WAITING: Final = 16
 #: The longest wait for a slot, in seconds.
 _PATIENCE_S: Final = 20.0
-#: Seconds between two looks at whether a client is still connected.
+#: Seconds between two checks whether a client is still connected.
 _ASKED_EVERY_S: Final = 0.25
 _BUDGET: Final = CheckBudget()
 

@@ -5,8 +5,9 @@ from typing import BinaryIO, Final
 from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.spec_checks import check_film_sizes, check_seeds, invalid_field
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems.spec_checks import check_film_sizes, check_size
 from plateau.service.api.scene_checks.pool import Slot
 from plateau.service.api.submission.scene_parts import broken_scene
 
@@ -26,22 +27,19 @@ async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> Scen
         check_film_sizes(found.sizes, list(entries))
     if found.summary is not None:
         try:
-            variant = variant_for(spec.variant, found.summary.renderer)
+            summary = found.summary
+            variant = variant_for(spec.variant, summary.renderer, is_whole=summary.is_whole)
         except ValueError as error:
-            raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
+            raise Problem(problems.FOREIGN_VARIANT, error=error) from error
     fields = iter(entries)
     for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
         one = entry.model_copy(update={"variant": variant})
-        # Where the size is not known, the seeds do not depend on it.
-        check_seeds(one, width or 1, height or 1, next(fields) or "spec")
+        check_size(one, width, height, next(fields) or "spec")
     if found.error is not None:
         raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
-        message = (
-            f"with {next(fields).rpartition('.')[2]} entries the scene took {_MOST_CHECKING_S:g} s "
-            "to check; send fewer at once, each time with the same batch"
-        )
-        raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
+        entries_checked = next(fields).rpartition(".")[2]
+        raise Problem(problems.SLOW_TO_CHECK, entries=entries_checked, seconds=_MOST_CHECKING_S)
     assert found.summary is not None  # a spec has at least one entry
     return found.summary
 

@@ -3,6 +3,7 @@
 import hashlib
 import re
 import secrets
+from collections.abc import Iterator
 from typing import Final
 
 from plateau.farm.ledger.jobs import Created
@@ -11,8 +12,8 @@ from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.scene_roots import root_tag
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.parts import Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.spec_checks import invalid_field
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
 from plateau.service.api.submission.reading import Submission
 from plateau.service.api.submission.storing import StoredScene
 
@@ -28,11 +29,11 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     source = sha256 if asked.again is None else asked.again.of
     digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
-    variant = variant_for(asked.spec.variant, scene.summary.renderer)
-    needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
+    summary = scene.summary
+    variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
+    needs = {*asked.spec.requires, *map(root_tag, summary.roots)}
     if len(needs) > MOST_TAGS:
-        message = f"has {len(needs)} tags, with those of the scene's roots; {MOST_TAGS} are allowed"
-        raise invalid_field(problems.INVALID_SPEC, "spec.requires", message)
+        raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
         [
@@ -44,9 +45,18 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         idempotency_key=asked.idempotency_key,
         digest=digest,
         owner=owner,
-        notes=asked.notes,
+        notes=(*asked.notes, *_which_sensor(asked.spec, scene.summary.sensors)),
         again=asked.again,
     )
+
+
+def _which_sensor(spec: JobSpec | BatchSpec, sensors: int) -> Iterator[str]:
+    """The note on a choice that nobody made."""
+    if sensors > 1 and spec.sensor == 0:
+        yield (
+            f"the scene has {sensors} sensors, and the first is rendered, sensor 0: `sensor` "
+            f"(--sensor) chooses another, up to {sensors - 1}"
+        )
 
 
 def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:

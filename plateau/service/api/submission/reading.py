@@ -15,10 +15,10 @@ from plateau.farm.model.job import Again
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.service.api.parts import parts_of
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import Problem
-from plateau.service.api.problems.spec_checks import invalid_field, with_notice
+from plateau.service.api.problems.spec_checks import with_notice
 from plateau.service.api.submission.idempotency import idempotency_key
 from plateau.service.api.submission.scene_parts import Scene, scene_part
 from plateau.service.api.submission.submitted_spec import submitted_spec
@@ -41,11 +41,7 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
     """Yield the request's parts, which stay on disk until the route is done."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type and media_type != "multipart/form-data":
-        raise Problem(
-            problems.NOT_MULTIPART,
-            f"the body is {media_type}; send multipart/form-data with the parts scene and spec, as "
-            "curl -F scene=@scene.zip -F 'spec={}' does",
-        )
+        raise Problem(problems.NOT_MULTIPART, media_type=media_type)
     try:
         async with request.form(
             max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
@@ -54,19 +50,13 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
             farm = parts_of(request)
             yield replace(asked, spec=with_notice(asked.spec, farm.receivers, farm.targets))
     except OSError as error:
-        raise Problem(
-            problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"
-        ) from error
+        raise Problem(problems.UPLOAD_NOT_KEPT, error=error.strerror) from error
 
 
 async def _submission(form: FormData, key: str) -> Submission:
     unknown = sorted(set(form) - _FIELDS)
     if unknown:
-        message = (
-            f"there is no part {unknown[0]!r}; the parts are scene, scene_path, scene_sha256 and "
-            "spec"
-        )
-        raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
+        raise Problem(problems.UNKNOWN_PART, part=unknown[0])
     part = form.get("spec")
     text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
     wanted = submitted_spec(text or b"{}")

@@ -18,8 +18,8 @@ from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import CLIENT_GONE, Problem
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
 from plateau.service.api.scene_checks.pool import Gone, Slot, TooManyChecks
 from plateau.service.api.scene_checks.process import CheckEnded
 from plateau.service.api.submission.checking import checked, different
@@ -27,7 +27,6 @@ from plateau.service.api.submission.reading import Submission, submission
 from plateau.service.api.submission.scene_parts import Scene, ScenePath, opened, placed_file
 
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
-_BUSY_S: Final = 2
 _CHUNK_BYTES: Final = 1 << 20
 
 
@@ -58,13 +57,9 @@ async def stored_scene(
             with await run_in_threadpool(opened, asked.scene, farm) as file:
                 return await _checked_and_stored(slot, file, asked, farm, who)
     except (TooManyChecks, CheckEnded) as error:
-        raise Problem(
-            problems.BUSY,
-            f"many scenes are being checked already; try again in {_BUSY_S} s",
-            headers={"Retry-After": str(_BUSY_S)},
-        ) from error
+        raise Problem(problems.BUSY) from error
     except Gone:
-        raise HTTPException(CLIENT_GONE) from None
+        raise HTTPException(problems.CLIENT_GONE) from None
 
 
 async def _checked_and_stored(
@@ -72,19 +67,11 @@ async def _checked_and_stored(
 ) -> StoredScene:
     sha256 = await run_in_threadpool(_sha256, file)
     if isinstance(asked.scene, str) and sha256 != asked.scene:
-        raise Problem(
-            problems.UNKNOWN_SCENE,
-            f"the copy of scene {asked.scene} that is stored here is damaged; remove the blob "
-            f"{blob_names.scene(asked.scene)} and send the file itself as the part scene",
-        )
+        blob = blob_names.scene(asked.scene)
+        raise Problem(problems.DAMAGED_SCENE, sha256=asked.scene, blob=blob)
     summary = await checked(slot, file, asked.spec)
     if summary.roots and isinstance(asked.scene, UploadFile):
-        raise Problem(
-            problems.BROKEN_SCENE,
-            f"the upload has a {LIST_NAME}, which the service alone makes; name a scene in a scene "
-            "root as the part scene_path",
-            code="entry-name",
-        )
+        raise Problem(problems.MADE_UP_LIST, name=LIST_NAME, code="entry-name")
     store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
     return await run_in_threadpool(store)
 
@@ -125,9 +112,8 @@ def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> Non
     if stored + size > most:
         raise Problem(
             problems.TOO_MANY_SCENES,
-            f"the key {who.name!r} has stored {stored:,} bytes of scenes and may store {most:,}; "
-            f"this one has {size:,}; ask who runs the service to remove unused ones (`plateau gc "
-            "--scenes-unused-for DAYS`)",
+            key=who.name,
+            size=size,
             stored_bytes=stored,
             limit_bytes=most,
         )

@@ -1,7 +1,7 @@
 """Messages to the targets that the farm's operator names, sent by apprise.
 
 Apprise says why a message was not sent in log lines alone, which may show parts of a URL. So they
-are kept from the farm's log and from users: `plateau notify` shows them to the operator.
+are kept from the farm's log and from users: `plateau doctor --notify` shows them to the operator.
 """
 
 import logging
@@ -117,6 +117,6 @@ def send(name: str, url: str, note: Note) -> None:
         said = lines.getvalue().strip()
     if not sent:
         raise NotNotified(
-            f"{name} was not notified; `plateau notify {name}` on this machine says why",
+            f"{name} was not notified; `plateau doctor --notify {name}` on this machine says why",
             said,
         )

@@ -46,7 +46,7 @@ _MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the la
 _MOST_REMEMBERED: Final = 10_000  #: silent receivers
 
 _LEASE_S: Final = 2 * TOTAL_S
-_LOOK_S: Final = 1.0
+_POLL_S: Final = 1.0
 _RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait while Redis is away
 _GOODBYE_S: Final = 3.0  #: for which a stopping monitor waits for notices under way
 
@@ -100,8 +100,8 @@ class Notifier:
     delay_s
         The wait in seconds before the next try, by the number of tries so far and the receiver's
         ``Retry-After``.
-    look_s
-        Seconds between two looks at the outbox without a hint.
+    poll_s
+        Seconds between two reads of the outbox without a hint.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Notifier:
         *,
         lease_s: float,
         delay_s: Callable[[int, float], float] = retry_delay_s,
-        look_s: float = _LOOK_S,
+        poll_s: float = _POLL_S,
     ) -> None:
         self._outbox = outbox
         self._wake = wake
@@ -121,7 +121,7 @@ class Notifier:
         self._notes = notes
         self._lease_s = lease_s
         self._delay_s = delay_s
-        self._look_s = look_s
+        self._poll_s = poll_s
         self._over = Stop()
         self._lock = threading.Lock()
         self._under_way: Counter[str] = Counter()  # by receiver
@@ -135,7 +135,7 @@ class Notifier:
             try:
                 while (taken := self._take()) is not None:
                     self._start(taken)
-                self._wake.wait(self._look_s, self._over)
+                self._wake.wait(self._poll_s, self._over)
                 backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("notices wait: %s", error)
