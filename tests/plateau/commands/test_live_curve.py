@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 import redis
-from plateau.cli import app
 from typer.testing import CliRunner
 
+from plateau.commands import app
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.terminal import Terminal
 
