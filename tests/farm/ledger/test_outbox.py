@@ -216,12 +216,3 @@ def test_retries_grow_to_hours_and_end_after_a_day() -> None:
     # A receiver may ask for more time, but not for ever
     assert retry_delay_s(1, 600) == 600
     assert retry_delay_s(1, 10**9) == 4 * 3600
-<<<<<<< HEAD
-=======
-
-
-def test_a_spec_without_a_notice_leaves_no_trace(client: redis.Redis) -> None:
-    job = Jobs(client).get(StagedJob(client).id)
-    assert job.spec == JobSpec()
-    assert set(client.hkeys(keys.job(job.id, "sealed"))) <= {"fence"}
->>>>>>> probs

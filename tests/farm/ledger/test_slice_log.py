@@ -97,11 +97,7 @@ def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: LedgerFarm) -> N
     ]
 
 
-<<<<<<< HEAD
-def test_one_slice_has_its_line_and_its_entries(farm: LedgerFarm) -> None:
-=======
-def test_one_slice_has_its_entries(farm: Farm) -> None:
->>>>>>> probs
+def test_one_slice_has_its_entries(farm: LedgerFarm) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     for _ in range(3):

@@ -198,18 +198,6 @@ BAD: dict[str, tuple[str, dict[str, object]]] = {
         PLAIN,
         {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
     ),
-    "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
-        PLAIN,
-        {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
-    ),
-    "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
-        PLAIN,
-        {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
-    ),
-    "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
-        PLAIN,
-        {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
-    ),
     "nonsense": ("<scene version='3.0.0'><nonsense/></scene>", {}),
     "neither a Mitsuba XML nor": ("no scene at all", {}),
     "has no scene": (PLAIN + "<!-- lost -->", {}),
