@@ -15,9 +15,9 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.model.scene_roots import read_roots
 from plateau.service.api.scene_checks.placing import Placing
-from tests.plateau.commands.test_cli import plateau as command
 from tests.service.api.routes.test_jobs import FILM, problem
 from tests.support.farms.live_api import live_api
+from tests.support.processes.commands import plateau as command
 from tests.support.scenes.bundles import PLY, mesh, scene, zipped
 
 SENSOR = f'<sensor type="perspective">{FILM.format("$width")}</film></sensor>'
