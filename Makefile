@@ -17,8 +17,8 @@ setup:  ## Make .venv with everything pinned, and find an LLVM
 demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
-test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest $(SUITE) --durations 20
+test: setup  ## Run every test that a newcomer's machine can run; OPTIONS=--cost says what each part costs
+	$(BIN)/python -m pytest $(SUITE) --durations 20 $(OPTIONS)
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
 	bash tests/cluster/install.sh $(PARTS)

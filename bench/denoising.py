@@ -36,7 +36,7 @@ from plateau.metric import (
     blended,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.service.monitor.denoising import oidn
+from plateau.picture.denoising import oidn
 
 TARGETS: Final = (0.001, 0.0002)
 RAW, DENOISED, BLEND = "raw", "denoised alone", "blend"

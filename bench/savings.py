@@ -28,8 +28,8 @@ from plateau.farm.images.exr import decode_partial
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import View
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.service.judging.judge import Judge, warm_up
-from plateau.service.judging.merge import Merge
+from plateau.picture.judge import Judge, warm_up
+from plateau.picture.merge import Merge
 
 #: The basis of comparison: this many spp, whatever the image looks like.
 FIXED_SPP: Final = 10_000

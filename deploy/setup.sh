@@ -40,8 +40,8 @@ make_venv() {
     apt_install python3-venv
     "$python" -m venv --clear .venv
   fi
-  .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
-  .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[all,dev]'
+  fetch .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
+  fetch .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[all,dev]'
 }
 
 find_redis() {
@@ -88,6 +88,6 @@ if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   find_llvm
   find_chromium
   say "compiling the metric (some 10 s, once)"
-  .venv/bin/python -c 'from plateau.service.judging.judge import warm_up; warm_up()'
+  .venv/bin/python -c 'from plateau.picture.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from
 fi

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
         ClientError,
         FinishedEvent,
         ImageEvent,
-        InvalidSpec,
         NoImageYet,
         NotAllowed,
         PointEvent,
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         Unreachable,
     )
     from plateau.client.async_client import AsyncClient
+    from plateau.farm.model.errors import InvalidSpec
     from plateau.farm.model.spec import (
         ExrSpec,
         FixedSpec,
@@ -86,7 +86,7 @@ __all__ = [
 
 #: Homes of names that are neither specs nor the client's.
 _HOMES: Final = {
-    "InvalidSpec": "plateau.client",
+    "InvalidSpec": "plateau.farm.model.errors",
     "AsyncClient": "plateau.client.async_client",
     "JobState": "plateau.farm.model.states",
     "RenderFailed": "plateau.rendering.render",

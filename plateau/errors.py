@@ -1,4 +1,4 @@
-"""Errors and messages of commands, which a user sees as lines without a traceback.
+"""Errors, messages and exit codes of commands; a user sees lines without a traceback.
 
 Every process of the farm imports this module, so it imports nothing heavy.
 """
@@ -6,9 +6,33 @@ Every process of the farm imports this module, so it imports nothing heavy.
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from typing import Any, Final
 
 from plateau.farm.model.errors import FarmError
+from plateau.farm.model.states import JobState
+
+
+class ExitCode(IntEnum):
+    """What a command's exit code means; `plateau --help` lists them."""
+
+    OK = 0  #: success; the job that was waited for converged or reached its limit
+    FAILED = 1  #: the command or the job failed; standard error says why
+    USAGE = 2  #: the command line is invalid, or two images cannot be compared
+    MISSED = 3  #: some jobs of the batch ended before their rule stopped them
+    CANCELLED = 4  #: the job, or a job of the batch, was cancelled
+    #: This version does not fit the farm's data or its other processes. A restart does not help.
+    INCOMPATIBLE = 76
+    INTERRUPTED = 130  #: Ctrl-C: 128 + SIGINT, as in shells
+
+
+#: The exit code for the state in which a job ended.
+EXIT_CODES: Final = {
+    JobState.CONVERGED: ExitCode.OK,
+    JobState.EXHAUSTED: ExitCode.OK,
+    JobState.CANCELLED: ExitCode.CANCELLED,
+    JobState.FAILED: ExitCode.FAILED,
+}
 
 
 class PlateauError(Exception):

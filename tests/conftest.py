@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 import redis
@@ -17,6 +18,9 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+
+if TYPE_CHECKING:
+    from tests.support.processes.forked import ForkServer
 
 pytest.register_assert_rewrite("tests.support", "tests.soak")
 
@@ -30,6 +34,7 @@ _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plat
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--file-order", type=int, metavar="SEED", help="shuffle the files of tests")
+    parser.addoption("--cost", action="store_true", help="tell what each folder of tests costs")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -54,10 +59,15 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)  # which no program inherits
+    from tests.support.cost import Cost
     from tests.support.processes.own_processes import own_processes
 
+    if config.getoption("--cost"):
+        spread = number is None and config.getoption("numprocesses", None)
+        config.pluginmanager.register(Cost(counts=not spread))
+
     stack = ExitStack()
-    if number is None:  # commands share a cache, in all processes of ``-n``, which inherit it
+    if "TESTS_CACHE" not in os.environ:  # shared by all processes of ``-n``, which inherit it
         # What was killed may still write into it at the end.
         folder = tempfile.TemporaryDirectory(prefix="tests-cache-", ignore_cleanup_errors=True)
         os.environ["TESTS_CACHE"] = stack.enter_context(folder)
@@ -140,9 +150,19 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def cache() -> Path:
     """A cache for whoever renders: what was found of this machine, and what Mitsuba compiled."""
-    return tmp_path_factory.mktemp("cache")
+    return Path(os.environ["TESTS_CACHE"])
+
+
+@pytest.fixture(scope="session")
+def fork_server() -> Iterator["ForkServer"]:
+    """For farms whose starts nobody tests."""
+    from tests.support.processes.forked import ForkServer
+
+    server = ForkServer()
+    yield server
+    server.stop()
 
 
 @pytest.fixture

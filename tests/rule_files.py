@@ -1,16 +1,18 @@
-"""Writes what repeats the rules, for type checkers and readers: ``make manual``.
+"""Writes what repeats the rules and the problems, for type checkers and readers: ``make manual``.
 
-A test holds both files to what this makes.
+Tests hold the files to what this makes.
 """
 
 from pathlib import Path
 
+from plateau.extensions import extensions
 from plateau.rules import DEFAULT, rules
+from plateau.service.api.problems.catalogue import TYPES
 
 ROOT = Path(__file__).parents[1]
 STUB = ROOT / "plateau/farm/model/spec/rule_specs.pyi"
 DOCS = ROOT / "docs/stopping.md"
-BEGIN, END = "<!-- installed rules -->\n\n", "\n<!-- /installed rules -->"
+API = ROOT / "docs/api.md"
 
 
 def stub() -> str:
@@ -54,12 +56,24 @@ def table() -> str:
     return "\n".join(rows) + "\n"
 
 
-def documented(text: str) -> str:
-    """The page with its table of the rules as it should be."""
-    before, rest = text.split(BEGIN)
-    return f"{before}{BEGIN}{table()}{END}{rest.split(END)[1]}"
+def problems() -> str:
+    """All types of problems as docs/api.md lists them."""
+    list(extensions("routes"))  # which add types of their own
+    rows = ["| type | status | meaning | further members |", "|---|---|---|---|"]
+    for kind in TYPES.values():
+        members = ", ".join(f"`{name}`" for name in kind.members)
+        rows.append(f"| `{kind.uri}` | {kind.status} | {kind.title} | {members} |")
+    return "\n".join(rows) + "\n"
+
+
+def documented(text: str, made: str) -> str:
+    """The page with the table that is made as it should be."""
+    begin, end = "<!-- `make manual` writes this table -->\n\n", "\n<!-- /table -->"
+    before, rest = text.split(begin)
+    return f"{before}{begin}{made}{end}{rest.split(end)[1]}"
 
 
 if __name__ == "__main__":
     STUB.write_text(stub())
-    DOCS.write_text(documented(DOCS.read_text()))
+    DOCS.write_text(documented(DOCS.read_text(), table()))
+    API.write_text(documented(API.read_text(), problems()))

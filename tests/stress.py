@@ -1,9 +1,9 @@
 """Run the suite again and again, quiet and busy, and say which tests failed how often.
 
-``make test-stress RUNS=20`` runs `make test`'s tests so many times. Every second run has busy
-neighbours: as many processes as ``--load`` says keep the cores at work, and in the last of these
+``make test-stress RUNS=20 LOAD=4`` runs `make test`'s tests so many times. Every second run has
+busy neighbours: as many processes as LOAD says keep the cores at work, and in the last of these
 runs one more keeps the disk at work. Half of the runs of each sort take the files of tests in
-random order. The table at the end is in Markdown.
+random order. The tables at the end, or when Ctrl-C ends it, are in Markdown, for CONTRIBUTING.md.
 """
 
 import argparse
@@ -14,8 +14,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from statistics import median
 from typing import Final, NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -34,11 +35,8 @@ while True:
 class Run(NamedTuple):
     """One run of the suite: what was beside it, how long it took, and what failed."""
 
-    load: int
-    disk: bool
-    order: int | None
+    beside: str
     minutes: float
-    ended: int
     failed: list[str]
 
 
@@ -78,28 +76,40 @@ def neighbours(load: int, disk: bool) -> Iterator[None]:
 
 def run_suite(load: int, disk: bool, order: int | None, arguments: list[str]) -> Run:
     """Run the suite once, with its output in this terminal."""
+    beside = f"{load} busy processes" if load else "quiet"
+    beside += " and a busy disk" if disk else ""
     with tempfile.TemporaryDirectory(prefix="stress-") as folder, neighbours(load, disk):
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "--junitxml", str(report), *arguments]
         if order is not None:
             command += ["--file-order", str(order)]
         start = time.monotonic()
-        ended = subprocess.run(command, cwd=ROOT, check=False).returncode
-        minutes = (time.monotonic() - start) / 60
-        return Run(load, disk, order, minutes, ended, failures(report) if report.exists() else [])
+        with subprocess.Popen(command, cwd=ROOT) as suite:
+            try:
+                ended = suite.wait()
+            except KeyboardInterrupt:  # which the suite has heard too
+                with suppress(subprocess.TimeoutExpired):
+                    suite.wait(60)
+                suite.kill()
+                raise
+        failed = failures(report) if report.exists() else []
+        if ended and not failed:
+            failed = [f"pytest exited with {ended}"]
+        return Run(beside, (time.monotonic() - start) / 60, failed)
 
 
-def table(runs: list[Run]) -> str:
-    """Give a row for each run, and one for each test that failed."""
-    lines = ["| run | busy processes | busy disk | file order | minutes | failed |"]
-    lines.append("|---|---|---|---|---|---|")
-    for number, run in enumerate(runs, 1):
-        order = "usual" if run.order is None else f"random, seed {run.order}"
-        failed = str(len(run.failed)) if run.ended in (0, 1) else f"pytest exited with {run.ended}"
-        disk = "yes" if run.disk else "no"
-        lines.append(f"| {number} | {run.load} | {disk} | {order} | {run.minutes:.1f} | {failed} |")
+def tables(runs: list[Run]) -> str:
+    """Give a row for each sort of run, and one for each test that failed."""
+    lines = ["| runs | number | red | median | longest |", "|---|---|---|---|---|"]
+    for sort in (*dict.fromkeys(run.beside for run in runs), "all"):
+        some = [run for run in runs if sort in {run.beside, "all"}]
+        minutes, red = [run.minutes for run in some], sum(bool(run.failed) for run in some)
+        times = f"{median(minutes):.1f} min | {max(minutes):.1f} min" if some else "– | –"
+        lines.append(f"| {sort} | {len(some)} | {red} | {times} |")
     counts = Counter(name for run in runs for name in run.failed)
-    lines += [f"\n{count} of {len(runs)}: {name}" for name, count in counts.most_common()]
+    if counts:
+        lines += ["", f"| test | red, of {len(runs)} |", "|---|---|"]
+        lines += [f"| `{name}` | {count} |" for name, count in counts.most_common()]
     return "\n".join(lines)
 
 
@@ -113,13 +123,19 @@ def main() -> None:
     os.environ.setdefault("CI", "true")  # where a test would be skipped elsewhere, it fails
     runs: list[Run] = []
     try:
-        for load, disk, order in plan(options.runs, options.load):
+        for number, (load, disk, order) in enumerate(plan(options.runs, options.load), 1):
             runs.append(run_suite(load, disk, order, options.arguments))
-            print(table(runs), flush=True)
+            shuffled = "" if order is None else f", files in random order (seed {order})"
+            print(
+                f"run {number} of {options.runs}, {runs[-1].beside}{shuffled}: "
+                f"{runs[-1].minutes:.1f} minutes, red: {', '.join(runs[-1].failed) or 'none'}",
+                flush=True,
+            )
     except KeyboardInterrupt:
-        print(table(runs))
         sys.exit(130)
-    sys.exit(any(run.ended for run in runs))
+    finally:
+        print(tables(runs), flush=True)
+    sys.exit(any(run.failed for run in runs))
 
 
 if __name__ == "__main__":

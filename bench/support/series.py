@@ -29,10 +29,10 @@ from bench.support.recordings import Case, cases
 from bench.support.report import RESULTS
 from plateau import scenes
 from plateau.farm.images.exr import Pixels, decode_image, decode_partial
-from plateau.metric import Evidence, Half, Rule, View, create_rule
+from plateau.metric import Evidence, Rule, View, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
-from plateau.service.judging.merge import Merge
+from plateau.picture.merge import Merge
 
 #: Spp of one slice, the smallest step at which a series can be judged.
 SLICE_SPP: Final = 50
@@ -205,11 +205,10 @@ def _render(one: Rendered, out: Path, seed: int, workers: int) -> None:
 
 def evidence(merge: Merge, metric: CompiledVisibleDifferences) -> Evidence:
     """Return the evidence of a merge for the rules."""
-    halves = merge.halves()
     return Evidence(
         spp=merge.spp,
         image=merge.image(),
-        halves=None if halves is None else (Half(*halves[0]), Half(*halves[1])),
+        halves=merge.halves(),
         metric=metric,
     )
 
@@ -267,7 +266,7 @@ def measure(renders: Rendered) -> Series:
     for name in rules.keys() - found.stops.keys():
         halves = merge.halves()
         assert halves is not None
-        done = CyclesThreshold().done(merge.image(), halves[0][0])
+        done = CyclesThreshold().done(merge.image(), halves[0].mean)
         unfinished = int((~done).sum()) if name == CYCLES else None
         found.stops[name] = Stop(merge.spp, False, looks[name], found.truth[-1], unfinished)
     left = metric.compare(reference, metric.percept(adaptive.image)).count

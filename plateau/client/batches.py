@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from plateau.client.errors import TimedOut
-from plateau.client.jobs import refusing, submitted
 from plateau.client.short_ids import with_whole_ids
+from plateau.client.submission import refusing, submitted
 from plateau.client.transport import Calls
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.farm.wire.batch_views import (
@@ -68,7 +68,9 @@ class BatchCalls(Calls):
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
         with refusing():
-            asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)
+            asked = BatchSpec.model_validate(
+                {**shared, "parameters": entries, "same_seeds": same_seeds}
+            )
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)

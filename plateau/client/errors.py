@@ -24,7 +24,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from plateau.errors import PlateauError
-from plateau.farm.model import input_errors
+from plateau.farm.model import errors, input_errors
 
 
 class ClientError(PlateauError):
@@ -120,20 +120,20 @@ class BrokenScene(ApiError):
     """The scene is not allowed, or not whole."""
 
 
-class InvalidSpec(ApiError):
+class InvalidSpec(ApiError, errors.InvalidSpec):
     """A field of the spec is unknown, or has a value that is not allowed."""
 
 
 def invalid_spec(error: ValidationError) -> InvalidSpec:
     """Return the error of a spec that is refused before it is sent: the service would say so."""
     located = [(one["loc"], one) for one in error.errors(include_url=False)]
-    errors = [
+    wrong = [
         {"field": ".".join(filter(None, ("spec", field))), "message": message}
         for field, message in input_errors.by_field(located, with_values=True).items()
     ]
-    words = "; ".join(f"{one['field']}: {one['message']}" for one in errors)
+    words = "; ".join(f"{one['field']}: {one['message']}" for one in wrong)
     return InvalidSpec(
-        422, {"type": "/problems/invalid-spec", "status": 422, "detail": words, "errors": errors}
+        422, {"type": "/problems/invalid-spec", "status": 422, "detail": words, "errors": wrong}
     )
 
 

@@ -10,6 +10,7 @@ from plateau.client.errors import ClientError, Damaged
 from plateau.client.transport import Calls, Patience
 from plateau.errors import needs
 from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.wire.views import Curve
 from plateau.files.job_folder import whole
 
@@ -164,7 +165,7 @@ class ResultCalls(Calls):
         OSError
             The file cannot be written.
         """
-        with whole(path) as unfinished:
+        with whole(at_home(path)) as unfinished:
             self._receive(f"/v1/jobs/{job_id}/{name}", unfinished)
 
     def _receive(self, address: str, path: Path) -> None:

@@ -21,7 +21,7 @@ from plateau.client.errors import (
     Unreachable,
     api_error,
 )
-from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.waits import Backoff
 
 _FIRST_WAIT_S: Final = 0.25
 _LONGEST_WAIT_S: Final = 5.0

@@ -1,15 +1,15 @@
 """What every command shares: the application, the look of its help, the handling of errors."""
 
-import os
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, Final, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar, cast
 
 import typer
 import typer.core
 
-from plateau.errors import EXPECTED, OtherVersion, needs, tell
-from plateau.exit_codes import ExitCode
+from plateau.errors import EXPECTED, ExitCode, OtherVersion, needs, tell
 
 _HELP = """
 Render Mitsuba 3 scenes until more samples make no difference that a person could see.
@@ -62,11 +62,23 @@ _EXTRAS: Final[dict[str, str]] = {
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
+def _at_home(process: Callable[[Any, Any], Any], ctx: Any, value: Any) -> Any:
+    """Read paths that the shell left as they are: quoted ones, and those after a =."""
+    from plateau.farm.model.scene_roots import at_home
+
+    if isinstance(value, list | tuple):
+        return process(ctx, [str(at_home(one)) for one in value])
+    return process(ctx, str(at_home(value)) if isinstance(value, str) else value)
+
+
 class Command(typer.core.TyperCommand):
     """A command whose help keeps the lines of its examples, and whose errors are one line."""
 
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
+        for one in cast("list[Any]", self.params):
+            if one.type_descriptor.annotation in (Path, list[Path]):
+                setattr(one, "process_value", partial(_at_home, one.process_value))  # noqa: B010
         self._takes_rule = any(one.name == "rule" for one in self.params)
         self._of_rules: list[str] | None = None
 
@@ -103,7 +115,6 @@ class Command(typer.core.TyperCommand):
         except KeyboardInterrupt:
             raise typer.Exit(ExitCode.INTERRUPTED) from None
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(ExitCode.FAILED) from None
         except typer.Exit:  # an exit code, not an error
             raise

@@ -17,7 +17,7 @@ from plateau.farm.wire import figures
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
     from plateau.metric import Half, View
-    from plateau.service.judging.denoised import Denoised
+    from plateau.picture.denoised import Denoised
 
 
 @app.command()
@@ -52,13 +52,9 @@ def denoise(
     if out.resolve() in {image.resolve() for image in images}:
         raise CommandFailed(f"-o {out} would overwrite an image that is read")
 
-    import numpy as np
-
-    from plateau.files.independence import Independence
-    from plateau.metric import View, allowed_non_finite, non_finite_pixels
-    from plateau.service.judging.denoised import DenoisingTask, guides_in
-    from plateau.service.monitor.denoising import oidn
-    from plateau.service.monitor.denoising.child import Denoiser
+    from plateau.files.job_folder import whole
+    from plateau.metric import View
+    from plateau.picture.denoising import oidn
 
     if not oidn.is_installed():
         raise CommandFailed(oidn.MISSING)
@@ -68,11 +64,31 @@ def denoise(
         )
     except ValueError as error:
         raise CommandFailed(str(error)) from error
+    try:
+        with whole(out) as unfinished:
+            _denoise(images, out, unfinished, shown, as_json=as_json)
+    except OSError as error:
+        raise CommandFailed(f"{out}: {error.strerror or error}") from error
+
+
+def _denoise(
+    images: Sequence[Path], out: Path, unfinished: Path, shown: "View", *, as_json: bool
+) -> None:
+    import numpy as np
+
+    from plateau.farm.images.exr import encode_layers
+    from plateau.metric import allowed_non_finite, non_finite_pixels
+    from plateau.picture.denoised import DenoisingTask, guides_in, layers_of
+    from plateau.picture.denoising.child import Denoiser
+    from plateau.picture.independence import Independence
+
     read = [_read(path) for path in images]
     sizes = {one.colour.shape[:2] for one in read}
     if len(sizes) > 1:
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
+    if len({str(one.place) for one in read}) > 1:
+        raise CommandFailed("the images are crops of different parts of a film")
     independence = Independence()
     for path, one in zip(images, read, strict=True):
         independence.add(str(path), one.colour, one.job)
@@ -86,7 +102,8 @@ def denoise(
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
-    _write(out, found, mean)
+    attributes = {"plateau:denoiser": found.denoiser, **read[0].place}
+    unfinished.write_bytes(encode_layers(layers_of(found.blend, mean), attributes))
     left = _noise_left(found, shown)
     if as_json:
         about = {"denoiser": found.denoiser, "guides": bool(guides)}
@@ -106,6 +123,7 @@ class _Image(NamedTuple):
     colour: "Pixels"
     layers: "dict[str, Pixels]"
     job: str | None  #: of Plateau's, where one made it
+    place: dict[str, Any]  #: of a crop, in its film
 
 
 def _mean(images: Sequence[_Image]) -> "Half":
@@ -120,29 +138,21 @@ def _mean(images: Sequence[_Image]) -> "Half":
 
 def _read(path: Path) -> _Image:
     """Return the colour of an EXR file, its channels by name, and its job."""
+    from plateau.farm.images.crops import CROP
     from plateau.farm.images.exr import decode_header, decode_image, decode_layers
 
     try:
         content = path.read_bytes()
         # OpenEXR prints its warnings, where scripts expect an answer.
         with contextlib.redirect_stdout(io.StringIO()):
-            job = decode_header(content).get("plateau:job")
-            return _Image(decode_image(content), decode_layers(content), job)
+            header = decode_header(content)
+            place = {CROP: header[CROP]} if CROP in header else {}
+            job = header.get("plateau:job")
+            return _Image(decode_image(content), decode_layers(content), job, place)
     except OSError as error:
         raise CommandFailed(f"{path}: {error.strerror or error}") from error
     except ValueError as error:
         raise CommandFailed(f"{path}: {' '.join(str(error).split())}") from error
-
-
-def _write(out: Path, found: "Denoised", mean: "Pixels") -> None:
-    from plateau.farm.images.exr import encode_layers
-    from plateau.service.judging.denoised import layers_of
-
-    content = encode_layers(layers_of(found.blend, mean), {"plateau:denoiser": found.denoiser})
-    try:
-        out.write_bytes(content)
-    except OSError as error:
-        raise CommandFailed(f"{out}: {error.strerror or error}") from error
 
 
 def _noise_left(found: "Denoised", view: "View") -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -11,8 +12,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.options.spec_fields import view_of_place
-from plateau.errors import tell
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode, tell
 
 if TYPE_CHECKING:
     from plateau.metric.display import SeenFrom
@@ -103,8 +103,9 @@ def diff(
     Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
     over black. The exit code is 0 whatever the count, and 2 if the images cannot be compared.
     """
-    from plateau.files.image_diff import CannotCompare, compare_files
+    from plateau.files.job_folder import whole
     from plateau.metric import View
+    from plateau.picture.diff import CannotCompare, compare_files
 
     view = view_of_place(seen) | {
         "exposure_ev": exposure,
@@ -129,30 +130,33 @@ def diff(
         for option, file in (("--map", map_file), ("--heat", heat)):
             if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
                 raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
-        comparison = compare_files(
-            reference,
-            test,
-            shown,
-            gamma=gamma,
-            layer=layer,
-            seen_from=seen_from,
-            jod=jod or heat is not None,
-        )
+        with ExitStack() as stack:
+            made = [file and stack.enter_context(whole(file)) for file in (map_file, heat)]
+            comparison = compare_files(
+                reference,
+                test,
+                shown,
+                gamma=gamma,
+                layer=layer,
+                seen_from=seen_from,
+                jod=jod or heat is not None,
+            )
+            for file, write in zip(
+                made, (comparison.write_map, comparison.write_heat), strict=True
+            ):
+                if file is not None:
+                    write(file)
     except CannotCompare as error:
         tell(str(error))
         raise typer.Exit(ExitCode.USAGE) from None
-    if map_file is not None:
-        comparison.write_map(map_file)
-    if heat is not None:
-        comparison.write_heat(heat)
     print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
 
 
 def _seen_from(
     viewing_distance: float | None, pixel_pitch: float | None, field_of_view: float | None
 ) -> "SeenFrom | None":
-    from plateau.files.image_diff import CannotCompare
     from plateau.metric.display import SeenFrom
+    from plateau.picture.diff import CannotCompare
 
     if viewing_distance is None and pixel_pitch is None:
         return None
@@ -172,7 +176,7 @@ def _made(kind: Callable[..., _Made], fields: dict[str, Any]) -> _Made:
     try:
         return kind(**fields)
     except ValueError as error:
-        from plateau.files.image_diff import CannotCompare
+        from plateau.picture.diff import CannotCompare
 
         field, _, rule = str(error).partition(" ")
         option = re.sub(r"_(ev|deg|cm|mm)$", "", field).replace("_", "-")

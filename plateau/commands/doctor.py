@@ -16,8 +16,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.printing import print_json
-from plateau.errors import CommandFailed, needs
-from plateau.exit_codes import ExitCode
+from plateau.errors import CommandFailed, ExitCode, needs
 
 if TYPE_CHECKING:
     from plateau.farm.model.renderers import RendererFacts
@@ -179,7 +178,7 @@ def _renderer(one: "RendererFacts") -> Iterator[Check]:
         done = subprocess.run(
             command(variant, one.devices),
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=_DEVICES_S,
             check=True,
         )
@@ -192,7 +191,7 @@ def _renderer(one: "RendererFacts") -> Iterator[Check]:
 
 
 def _denoiser() -> Check:
-    from plateau.service.monitor.denoising import oidn
+    from plateau.picture.denoising import oidn
 
     try:
         detail = f"Open Image Denoise {oidn.version()}, for jobs that ask for it"
@@ -212,7 +211,7 @@ def _confinement() -> Iterator[Check]:
 
 def _redis_version(binary: Path) -> str:
     answer = subprocess.run(
-        [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
+        [binary, "--version"], capture_output=True, encoding="utf-8", timeout=10, check=False
     ).stdout
     words = [word.removeprefix("v=") for word in answer.split() if word.startswith("v=")]
     return words[0] if words else "of unknown version"
@@ -230,8 +229,8 @@ def _without_passwords(settings: "Settings") -> dict[str, object]:
 
 def _notify(name: str, *, as_json: bool) -> None:
     """Send a test message to a target, or fail with what apprise said."""
-    from plateau.farm.process.notify_targets import read_targets
     from plateau.processes.read_settings import read_settings
+    from plateau.service.notices.targets import read_targets
 
     with needs("monitor,notify"):
         from plateau.service.monitor.notifier.notes import Note, NotNotified, send

@@ -30,11 +30,11 @@ def fetch(
     other files are not. --json prints the summary. Over HTTP, GET /v1/jobs/ID/results.zip has all
     but slices in one file.
     """
-    from plateau.files.out_folder import make_ready
+    from plateau.files.out_folder import ready
     from plateau.rendering.outputs import write_results
 
     with connect(url) as client:
         job = client.job(client.whole_id(job_id))
-        make_ready(out)
-        about = write_results(client, job, out)
+        with ready(out):
+            about = write_results(client, job, out)
     print(json.dumps(about, indent=2) if as_json else "\n".join(about["files"]))

@@ -146,7 +146,6 @@ def _warn_of_waiting(jobs: "list[JobView]") -> None:
 
 def _job_row(job: "JobView") -> tuple[str, ...]:
     from plateau.farm.model.job import utc_now
-    from plateau.farm.wire import job_text
 
     left = "–" if job.estimate_fraction is None else percent(job.estimate_fraction)
     return (
@@ -155,11 +154,11 @@ def _job_row(job: "JobView") -> tuple[str, ...]:
         f"{job.spp}/{job.spec.max_spp}",
         left,
         duration(job.duration_s(utc_now())),
-        job_text.time_left(job, utc_now()) or "–",
+        job.time_left or "–",
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.owner_name or "–",
         job.spec.batch or "–",
-        job_text.name_with_parameters(job),
+        job.title,
     )
 
 

@@ -92,8 +92,6 @@ class _Pictures:
         from rich.console import Console
         from rich.progress import track
 
-        from plateau.farm.wire import job_text
-
         last: NDArray[np.uint8] | None = None
         console = Console(stderr=True)
         for frame in track(
@@ -103,7 +101,7 @@ class _Pictures:
             if found is None:
                 self.missing.append(frame.id)
                 what = "no picture stands" if last is None else "the picture before stands"
-                tell(f"{job_text.name_with_parameters(frame)} has no image: {what} in for it")
+                tell(f"{frame.title} has no image: {what} in for it")
             last = last if found is None else found
             if last is not None:
                 self.shown += 1

@@ -60,10 +60,10 @@ def _password(folder: Path, user: str) -> str:
     if not file.exists():
         make(folder, "--passwords", mode=0o700)
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w") as made:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as made:
             made.write(f"{secrets.token_hex(32)}\n")
         tell(f"made {file}")
-    password = file.read_text().strip()
+    password = file.read_text(encoding="utf-8").strip()
     if not password:
         raise CommandFailed(f"{file} is empty")
     return password

@@ -16,7 +16,7 @@ from plateau.errors import CommandFailed
 
 if TYPE_CHECKING:
     from plateau.farm.process.settings import Settings
-    from plateau.farm.process.stop import Stop
+    from plateau.farm.process.waits import Stop
     from plateau.scale.policy import Limits
     from plateau.scale.report import Report
 
@@ -175,7 +175,6 @@ def slurm(
         options.append(option)
 
     from plateau.farm.blobs.store import Blobs
-    from plateau.farm.ledger.jobs import Jobs
     from plateau.farm.ledger.pairing import check_pair, farm_id
     from plateau.farm.ledger.schema import check_schema
     from plateau.farm.ledger.workers import Workers
@@ -203,7 +202,7 @@ def slurm(
                 check_schema(client)
                 check_pair(client, Blobs(settings.blobs or ""))
             scaler = Scaler(
-                jobs=Jobs(client),
+                client=client,
                 workers=Workers(client),
                 slurm=Slurm(
                     name=name,
@@ -239,7 +238,7 @@ def _environment(limits: "Limits", settings: "Settings") -> dict[str, str]:
 
 def _variables(file: Path) -> dict[str, str]:
     """The variables in a file of NAME=VALUE lines; empty lines and comments (#) are skipped."""
-    lines = (line.strip() for line in file.read_text().splitlines())
+    lines = (line.strip() for line in file.read_text(encoding="utf-8").splitlines())
     found: dict[str, str] = {}
     for number, line in enumerate(lines, start=1):
         if line and not line.startswith("#"):

@@ -14,7 +14,7 @@ from plateau.errors import CommandFailed, tell
 
 if TYPE_CHECKING:
     from plateau.farm.process.settings import Settings
-    from plateau.farm.process.stop import Stop
+    from plateau.farm.process.waits import Stop
     from plateau.processes.data_folder import DataFolder
     from plateau.processes.tree import Door, Tree
 
@@ -73,12 +73,15 @@ def up(
     jobs continue. If PLATEAU_REDIS_URL or PLATEAU_BLOBS is set, that Redis or blob store is used.
     """
     from plateau.processes.data_folder import DataFolder
+    from plateau.processes.ground import check_ground
     from plateau.processes.interrupts import Interrupts
     from plateau.processes.read_settings import farm_settings
     from plateau.processes.tree import Tree
 
     settings = farm_settings()
-    with Interrupts() as interrupts, DataFolder(settings.data) as data:
+    alone = settings.redis_url is None
+    check_ground(settings, caches=workers > 0, has_redis=alone, data=settings.data)
+    with DataFolder(settings.data) as data, Interrupts() as interrupts:
         try:
             with Tree(
                 settings, data, interrupts, workers=workers, door=door, tell=tell, most_deaths=None
@@ -118,7 +121,7 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
             _LOG.info("the API listens at %s", url)
             _LOG.info(who_may)
             if ready_fd is not None:
-                with os.fdopen(ready_fd, "w") as pipe:
+                with os.fdopen(ready_fd, "w", encoding="utf-8") as pipe:
                     pipe.write(f"{url}\n")
             standing.start()
 
@@ -223,7 +226,7 @@ def _who_may(redis_url: str, door: "Door") -> str:
 
 
 def _about_tls(door: "Door") -> str:
-    from plateau.farm.process.addresses import is_loopback
+    from plateau.farm.redis.url import is_loopback
 
     if door.certificate is not None or is_loopback(door.host):
         return ""

@@ -29,7 +29,8 @@ def submit(
         typer.Option(
             metavar="NAME=VALUES",
             help="Submit one job for each value of the scene's parameter $NAME: 0..99 or 0..99:2 "
-            "(whole numbers, the last one included) or a,b,c; repeated, for each combination.",
+            "(whole numbers, the last one included), a,b,c, or a list of ranges; repeated, for "
+            "each combination.",
         ),
     ] = None,
     zipped: Annotated[
@@ -96,12 +97,10 @@ def submit(
         job = client.submit(scene, spec)
     print_one(job, job.id, as_json=as_json)
 
-    from plateau.farm.wire import job_text
-
     if job.waits_for:
         tell(f"job {job.id} {job.waits_for}")
-    elif place := job_text.place(job):
-        tell(f"job {job.id} has {place}")
+    elif job.time_left:
+        tell(f"job {job.id} has {job.time_left}")
 
 
 def _with_notice(spec: "JobSpec", told: Sequence[str]) -> "JobSpec":

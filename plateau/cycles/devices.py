@@ -1,4 +1,4 @@
-"""The devices beside the processor on which Cycles can render here, by Blender's own probe.
+"""The devices besides the processor on which Cycles can render here, by Blender's own probe.
 
 ``python -m plateau.cycles.devices`` prints them, a JSON object of names by kind. A
 process of its own: a driver that does not suit the machine may abort it.

@@ -72,7 +72,7 @@ _OBJECT_TYPES_WITHOUT_SURFACE: Final = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", 
 
 @dataclass(frozen=True)
 class Passes:
-    """The channels of a film beside R, G, B, W and A.
+    """The channels of a film besides R, G, B, W and A.
 
     Attributes
     ----------

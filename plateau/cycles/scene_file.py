@@ -7,18 +7,19 @@ image, the cameras and the frames. A job's parameters may set these.
 
 from __future__ import annotations
 
+import os
 import re
-import zlib
 from collections.abc import Mapping
 from typing import IO, Final
 
+from plateau.farm.bundle.check import not_a_scene
 from plateau.farm.bundle.formats import Checked, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
+from plateau.farm.bundle.magic import BEGINNING_BYTES, GZIP, ZSTANDARD, gunzipped, what_it_is
 from plateau.farm.bundle.tree import Parts, Tree
 
 _MAGIC: Final = b"BLENDER"
-_GZIP: Final = b"\x1f\x8b"
-_ZSTANDARD: Final = b"\x28\xb5\x2f\xfd"
+_END_OF_TABLE: Final = b"\xb1\xea\x92\x8f"
 
 #: The parameters that a job may set, with what each has to be.
 PARAMETERS: Final = {
@@ -31,7 +32,6 @@ PARAMETERS: Final = {
 _MOST_FRAME: Final = 1_048_574
 _WHOLE: Final = re.compile(r"-?[0-9]{1,8}", re.ASCII)
 _MAX_NAME: Final = 255
-_BEGINNING_BYTES: Final = 2**12
 
 
 def _check_blend(
@@ -65,7 +65,7 @@ BLEND: Final = SceneFormat(
     called="a Blender file",
     media_type="application/x-blender",
     entry="scene.blend",
-    begins=(_MAGIC, _GZIP, _ZSTANDARD),
+    begins=(_MAGIC, GZIP, ZSTANDARD),
     check=_check_blend,
     suffix=".blend",
     left_out=re.compile(r"\.blend[0-9]+"),  # what Blender calls a file's earlier versions
@@ -74,13 +74,14 @@ BLEND: Final = SceneFormat(
 
 
 def _check_beginning(stream: IO[bytes]) -> None:
-    beginning = stream.read(_BEGINNING_BYTES)
-    if beginning.startswith(_GZIP):
-        beginning = _unpacked(beginning)
-    if not beginning.startswith((_MAGIC, _ZSTANDARD)):
-        raise BundleError(
-            "not-a-scene", "the file is compressed, and no Blender file; save it again in Blender"
-        )
+    beginning = stream.read(BEGINNING_BYTES)
+    is_blend = gunzipped(beginning) if beginning.startswith(GZIP) else beginning
+    if beginning.startswith(ZSTANDARD):
+        # Blender can jump within such a file, and so ends it with a table of its parts.
+        stream.seek(-len(_END_OF_TABLE), os.SEEK_END)
+        is_blend = _MAGIC if stream.read() == _END_OF_TABLE else b""
+    if not is_blend.startswith(_MAGIC):
+        raise not_a_scene(what_it_is(beginning))
 
 
 def _check(name: str, value: str) -> None:
@@ -98,10 +99,3 @@ def _check(name: str, value: str) -> None:
         )
     if not fits:
         raise BundleError("bad-parameter", f"{name} must be {PARAMETERS[name]}, not {shown(value)}")
-
-
-def _unpacked(beginning: bytes) -> bytes:
-    try:
-        return zlib.decompressobj(wbits=31).decompress(beginning, len(_MAGIC))
-    except zlib.error:
-        return b""

@@ -17,7 +17,7 @@ from plateau.worker.renderers.contract import SceneError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from plateau.farm.images.look import Look
+    from plateau.farm.images.view_transform import ViewTransform
 
 #: The samples of a sequence, of which each pass renders some: the same for every job, since a
 #: stretch of samples may depend on it.
@@ -40,7 +40,7 @@ class PreparedScene:
         The view layer that is rendered.
     width, height : int
         Pixels of the film.
-    look : Look or None
+    look : ViewTransform or None
         The scene's view transform; None where the image is seen as it is.
     notes : tuple of str
         What was changed in the scene, a sentence each.
@@ -50,7 +50,7 @@ class PreparedScene:
     layer: Any
     width: int
     height: int
-    look: Look | None
+    look: ViewTransform | None
     notes: tuple[str, ...]
 
     @property

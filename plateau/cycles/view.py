@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from plateau.cycles.blender import blender, bpy
-from plateau.farm.images.look import SIZE, Look, lattice
 from plateau.farm.images.png import decode_png
+from plateau.farm.images.view_transform import SIZE, ViewTransform, lattice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,12 +20,12 @@ _AS_IT_IS: Final = ("Standard", "None", 0.0, 1.0)
 _FALSE_COLOUR: Final = "False Color"
 
 
-def baked(scene: Any) -> Look | None:
+def baked(scene: Any) -> ViewTransform | None:
     """Return the scene's view transform, look, exposure, gamma, curves and white balance.
 
     Returns
     -------
-    Look or None
+    ViewTransform or None
         None where the image is seen as it is, by sRGB's curve.
 
     Raises
@@ -46,7 +46,7 @@ def baked(scene: Any) -> Look | None:
     light = np.stack([red, green, blue, np.ones_like(red)], axis=-1).astype(np.float32)
     codes = _through(scene, light.reshape(SIZE * SIZE, SIZE, 4))
     table = np.rint(codes * 65535).astype(np.uint16)
-    return Look(table.reshape(SIZE, SIZE, SIZE, 3), gain)
+    return ViewTransform(table.reshape(SIZE, SIZE, SIZE, 3), gain)
 
 
 def described(scene: Any) -> str:

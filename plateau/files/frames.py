@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from plateau.errors import CommandFailed
-from plateau.farm.model.spec import MAX_ENTRIES
+from plateau.farm.model.spec import MAX_ENTRIES, parameter_strings
 
 Values = dict[str, str | int | float | bool]
 
 _RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:(?:\.\.|:)([1-9][0-9]{0,8}))?")
 #: What is meant as a range, whatever follows.
 _LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
+#: How other programs write a range: 1-10, 1-10x2, 1-10:2, 1:10, 1…10.
+_OTHER_RANGE: Final = re.compile(r"([0-9]+) *(?:[-–:…]|\.{3}|to) *([0-9]+)(?:[x:%]([0-9]+))?")
 
 
 def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
@@ -30,7 +32,8 @@ def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
     ----------
     definitions
         ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
-        numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values.
+        numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values, and for several ranges.
+        Zeros ahead of FIRST are kept.
     zipped
         Combine the first values of all parameters, then the second ones, and so on.
 
@@ -55,22 +58,54 @@ def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
         raise CommandFailed(f"--zipped needs as many values for each parameter: {told}")
     _check_count(counts[0] if zipped else math.prod(counts))
     combined = zip(*values, strict=True) if zipped else product(*values)
-    return [dict(zip(names, one, strict=True)) for one in combined]
+    return _without_twins([dict(zip(names, one, strict=True)) for one in combined])
 
 
-def _values(text: str) -> Sequence[str]:
-    match = _RANGE.fullmatch(text)
-    if match is None:
-        if _LIKE_A_RANGE.fullmatch(text):
+def _values(text: str) -> list[str]:
+    """The values of a list, whose parts may be ranges."""
+    values: list[str] = []
+    for part in text.split(","):
+        one = _RANGE.fullmatch(part)
+        if one is not None:
+            values += _range(one)
+        elif _LIKE_A_RANGE.fullmatch(part):
             raise CommandFailed(
                 f"--each takes a range as 0..99 or 0..99:2, of whole numbers of nine digits at "
-                f"most and a positive step, not {text!r}"
+                f"most and a positive step, not {part!r}"
             )
-        return text.split(",")
+        elif (other := _OTHER_RANGE.fullmatch(part)) is not None:
+            step = f":{other[3]}" if other[3] else ""
+            raise CommandFailed(
+                f"--each takes a range as 0..99 or 0..99:2, not {part!r}: did you mean "
+                f"{other[1]}..{other[2]}{step}?"
+            )
+        elif not part:
+            raise CommandFailed(f"--each: {text!r} has a comma with no value before or after it")
+        else:
+            values.append(part)
+        _check_count(len(values))
+    return values
+
+
+def _range(match: re.Match[str]) -> list[str]:
+    """The numbers of a range, with zeros ahead where its first one has them."""
     first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
     numbers = range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
     _check_count(len(numbers))
-    return [str(number) for number in numbers]
+    digits = match[1].lstrip("-")
+    width = len(match[1]) if digits.startswith("0") and len(digits) > 1 else 0
+    return [f"{number:0{width}d}" for number in numbers]
+
+
+def _without_twins(entries: list[Values]) -> list[Values]:
+    """Refuse entries that are equal: their jobs would render one frame several times."""
+    places: dict[tuple[tuple[str, str], ...], int] = {}
+    for number, entry in enumerate(entries, start=1):
+        first = places.setdefault(tuple(sorted(parameter_strings(entry).items())), number)
+        if first != number:
+            what = ", ".join(f"{name}={value}" for name, value in entry.items())
+            raise CommandFailed(f"the jobs {first} and {number} would be the same: {what}")
+    return entries
 
 
 def from_file(path: Path) -> list[Values]:
@@ -91,7 +126,7 @@ def from_file(path: Path) -> list[Values]:
     if not entries:
         raise CommandFailed(f"{path} has no entries: each makes a job")
     _check_count(len(entries))
-    return entries
+    return _without_twins(entries)
 
 
 def _of_json(path: Path, text: str) -> list[Values]:

@@ -1,9 +1,12 @@
-"""Makes and checks the folder for results; an unsuitable one raises `CommandFailed`."""
+"""Makes, checks and holds the folder for results; an unsuitable one raises `CommandFailed`."""
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from plateau.errors import CommandFailed
+from plateau.files.held import held
 from plateau.files.job_folder import RESULTS, require_free
 from plateau.files.out_pattern import IMAGES
 
@@ -23,16 +26,19 @@ def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
         ) from error
 
 
-def make_ready(folder: Path) -> None:
-    """Make the folder if it is missing, and check that it can take a job's results."""
+@contextmanager
+def ready(folder: Path) -> Iterator[None]:
+    """Make the folder if it is missing, check that it can take a job's results, and hold it."""
     make_writable(folder)
-    for name in RESULTS:
-        if (folder / name).is_dir():
-            raise CommandFailed(
-                f"{folder / name} is a folder, and a file of this name must be written: move it, "
-                "or give another folder with -o"
-            )
-    require_free(folder)
+    with held(folder):
+        for name in RESULTS:
+            if (folder / name).is_dir():
+                raise CommandFailed(
+                    f"{folder / name} is a folder, and a file of this name must be written: move "
+                    "it, or give another folder with -o"
+                )
+        require_free(folder)
+        yield
 
 
 def make_writable(folder: Path) -> None:

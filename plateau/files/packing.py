@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
-from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.archive import Archive, zip_entry
 from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.entry import find_entry
 from plateau.farm.bundle.formats import (
@@ -31,9 +31,8 @@ from plateau.farm.bundle.formats import (
     with_suffix,
 )
 from plateau.farm.bundle.references import Reference
-from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, Kind, Parts
+from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, EntryKind, Parts
 from plateau.farm.bundle.walk import read_scene
-from plateau.farm.bundle.zip_entries import zip_entry
 
 _ZIP = "application/zip"
 #: Files that are already compressed are not deflated.
@@ -169,9 +168,12 @@ class _Disk:
     def path(self, parts: Parts) -> Path:
         return Path("/", *parts)
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         here = self.path(path)
         return "file" if here.is_file() else "folder" if here.is_dir() else None
+
+    def names(self, folder: Parts) -> list[str]:
+        return [one.name for one in self.path(folder).iterdir()]
 
     def label(self, path: Parts) -> str:
         return str(self.path(path))

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 from plateau import scenes
 from plateau.errors import needs
 from plateau.farm.bundle import BundleError
+from plateau.farm.model.scene_roots import at_home
 
 #: A file, a zip or a folder; `scenes:NAME`; or what `mitsuba.load_dict` takes.
 SceneAtHand: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -37,7 +38,7 @@ def scene_file(scene: SceneAtHand) -> Iterator[Path]:
             yield write_scene_dict(scene, named)
     elif isinstance(scene, str | os.PathLike):
         try:
-            path = scenes.path_of(Path(scene))
+            path = scenes.path_of(at_home(scene))
         except ValueError as error:
             raise BundleError("missing-file", str(error)) from None
         yield path

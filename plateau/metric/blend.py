@@ -18,7 +18,7 @@ import numpy as np
 
 from plateau.metric.denoise import smoothed
 from plateau.metric.display import Image, Plane, as_image
-from plateau.metric.halved import Change, Halved, Screen, energy, halved
+from plateau.metric.halved import Change, Halved, Viewing, energy, halved
 from plateau.metric.noise_model import Half, NoiseModel
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def blended(
     >>> bool(found.weight.mean() > 0.9)
     True
     """
-    noisy, flawed = halved(image, halves, Screen(view, see))
+    noisy, flawed = halved(image, halves, Viewing(view, see))
     one, other = denoise(noisy.one), denoise(noisy.other)
     if is_draft:
         share = np.float32(noisy.share)
@@ -202,7 +202,7 @@ def blend_error(
     >>> bool(np.array_equal(found.likely.clean, error.likely.clean))
     True
     """
-    noisy, flawed = halved(image, halves, Screen(view, see))
+    noisy, flawed = halved(image, halves, Viewing(view, see))
     clean = replace(noisy, one=denoise(noisy.one), other=denoise(noisy.other))
     if flawed.any():
         whole = np.where(flawed[..., np.newaxis], np.float32(0), blend.image)

@@ -64,16 +64,6 @@ class Estimate:
         most = DETERMINED * max(self.pixels, allowed)
         return self.greatest_pixels is None or self.greatest_pixels <= most
 
-    @property
-    def low_fraction(self) -> float:
-        """`low_pixels` over the number of pixels, in [0, 1]."""
-        return self.low_pixels / self.visible.size
-
-    @property
-    def high_fraction(self) -> float:
-        """`high_pixels` over the number of pixels, in [0, 1]."""
-        return self.high_pixels / self.visible.size
-
 
 def half_buffer_estimate(
     metric: VisibleDifferences,

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
-#: The most looks ahead; each costs one evaluation.
-MOST_LOOKS = 5
+#: The most evaluations in a forecast.
+MOST_EVALUATIONS = 5
 #: The search ends when the spp is known to this factor, far inside the band.
 FINE_ENOUGH = 1.03
 #: The count falls as a power of the samples: the initial guess of that power, and its range.
@@ -56,14 +56,14 @@ class Forecast:
 class _Search:
     """The search of a zero crossing in logarithmic coordinates, from the present onwards."""
 
-    #: (ln n'/n, ln of the count over the allowed one), the last looks above and below the target.
+    #: (ln n'/n, ln of the count over the allowed one), the last points above and below the target.
     above: tuple[float, float]
     below: tuple[float, float] | None = field(default=None)
     #: How fast the count falls, as a power of the samples.
     power: float = FIRST_POWER
 
     def add(self, point: tuple[float, float]) -> None:
-        """Take in one look."""
+        """Take in one point."""
         left, right = (self.above, point) if point[0] > self.above[0] else (point, self.above)
         if right[0] > left[0]:
             slope = (left[1] - right[1]) / (right[0] - left[0])
@@ -161,7 +161,7 @@ def forecast_from(
     clump = clump_in(model, estimate.visible > 0)
     furthest = math.log(FURTHEST)
     place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
-    for _ in range(MOST_LOOKS):
+    for _ in range(MOST_EVALUATIONS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
         excess = _over(model.count(difference), allowed)

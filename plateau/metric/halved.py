@@ -23,7 +23,7 @@ Change: TypeAlias = Callable[[Image], Image]
 
 
 @dataclass(frozen=True, eq=False)
-class Screen:
+class Viewing:
     """The display on which errors count."""
 
     view: View
@@ -42,7 +42,7 @@ class Halved:
     one: Image
     other: Image
     share: float  #: of the samples in the first half
-    screen: Screen
+    screen: Viewing
 
     @cached_property
     def shown(self) -> tuple[Image, Image]:
@@ -65,7 +65,7 @@ class Halved:
         return energy(found.shown[0] - other) + energy(found.shown[1] - one)
 
 
-def halved(image: Image, halves: tuple[Half, Half], screen: Screen) -> tuple[Halved, Mask]:
+def halved(image: Image, halves: tuple[Half, Half], screen: Viewing) -> tuple[Halved, Mask]:
     """Return the image and its halves without flaws, and where these were.
 
     Raises

@@ -26,8 +26,8 @@ BEST_JOD = 10.0
 MODEL_ERROR = 0.05
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
-#: Looks of a forecast; each costs one comparison.
-LOOKS = 4
+#: Evaluations in a forecast; each costs one comparison.
+EVALUATIONS = 4
 #: What is lost falls as a power of the samples: the initial guess of that power.
 FIRST_POWER = 0.5
 #: Coarser and finer pixels, per degree, are as these.
@@ -107,12 +107,12 @@ class QualityModel:
         Notes
         -----
         At n' samples per pixel the noise is sqrt(n/n') times that at n, for an image of n = `spp`.
-        What is lost is close to a power of n', of which each look gives a better exponent.
+        What is lost is close to a power of n', of which each evaluation gives a better exponent.
         """
         allowed = math.log(BEST_JOD - target)
         start = here = _log_lost(self.quality.jod)
         place, power = 0.0, FIRST_POWER
-        for _ in range(LOOKS):
+        for _ in range(EVALUATIONS):
             if here <= allowed and place == 0:
                 return spp
             step = (here - allowed) / power

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     Floats: TypeAlias = NDArray[np.float64]
 
-#: Amounts of noise at which to look, as factors of the present noise, the smallest first. At 1 the
-#: estimate has looked already. The sign alternates, so that no sample of noise counts alone.
-LOOKS: Final = (-0.25, 0.5, -(0.5**0.5), 1.0, 2**0.5, -2.0, 4.0)
+#: Amounts of noise to evaluate, as factors of the present noise, the smallest first. At 1 the
+#: estimate is known already. The sign alternates, so that no sample of noise counts alone.
+AMOUNTS: Final = (-0.25, 0.5, -(0.5**0.5), 1.0, 2**0.5, -2.0, 4.0)
 #: Clumps are measured where at most this share of the pixels is visible: more touch by chance.
 _SPARSE: Final = 0.05
 #: Logarithms of a zone's noise: the standard deviation of its middle pixel over the threshold.
@@ -89,7 +89,7 @@ def zone_curves(
     pixels = zone_sums(~model.non_finite, size)
     # Pixels by the least of these amounts of noise that makes them visible.
     counts = np.diff(sums, axis=-1, prepend=0.0, append=pixels[..., np.newaxis]) / clump
-    share = _visible_shares(np.abs(LOOKS))
+    share = _visible_shares(np.abs(AMOUNTS))
     chance = np.diff(share, axis=-1, prepend=0.0, append=1.0)
     likelihood: Floats = np.einsum("yxb,slb->yxsl", counts, np.log(np.maximum(chance, 1e-9)))
     likelihood = np.exp(likelihood - likelihood.max(axis=(2, 3), keepdims=True))
@@ -115,10 +115,10 @@ def zone_sums(plane: NDArray[np.generic], size: int) -> Floats:
 def _seen(
     metric: VisibleDifferences, model: NoiseModel, clean: Percept, estimate: Estimate
 ) -> tuple[list[Floats], float]:
-    """Return which pixels each look, or one at less noise, finds visible; and the mean clump."""
+    """Return which pixels are visible at each amount of noise; and the mean clump."""
     seen: list[Floats] = []
     clump = 1.0
-    for amount in LOOKS:
+    for amount in AMOUNTS:
         if amount == 1:
             visible = estimate.visible.astype(np.float64)
         else:

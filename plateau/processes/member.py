@@ -28,7 +28,7 @@ class Member:
     name: str  #: in messages, and of its log
     arguments: tuple[str, ...]  #: the command and its options
     _: KW_ONLY
-    environment: dict[str, str]  #: variables beside those of this process
+    environment: dict[str, str]  #: variables besides those of this process
     logs: Path  #: the folder of its log
     inherited: tuple[int, ...]  #: file descriptors that it keeps open
     deaths: int = field(default=0, init=False)  #: in a row, each soon after its start

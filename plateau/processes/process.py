@@ -8,8 +8,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from plateau.errors import EXPECTED, CommandFailed
-from plateau.exit_codes import ExitCode
+from plateau.errors import EXPECTED, CommandFailed, ExitCode
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.schema import await_checks
 from plateau.farm.model.errors import Incompatible
@@ -17,8 +16,9 @@ from plateau.farm.process import log
 from plateau.farm.process.lifecycle import forget_life, shut_memory
 from plateau.farm.process.scratch import remove_left
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
+from plateau.processes.ground import check_ground
 from plateau.processes.read_settings import farm_settings
 from plateau.processes.shutdown import StopSignals
 
@@ -36,6 +36,7 @@ def run_until_signal(role: str, run: Work) -> None:
     with suppress(OSError):
         shut_memory()
     settings = farm_settings()
+    check_ground(settings, caches=role == "worker")
     _check_addresses(settings)
     log.set_up(role, settings.log_format)
     forget_life(settings.alive_file)

@@ -10,7 +10,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import url as redis_url
 
-#: The settings of the connection to Redis, beside its URL.
+#: The settings of the connection to Redis, besides its URL.
 REDIS_VARIABLES: Final = (
     "PLATEAU_REDIS_USER",
     "PLATEAU_REDIS_PASSWORD_FILE",
@@ -82,7 +82,7 @@ def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:
 def secret_in(file: Path, option: str) -> str:
     """The secret in a file, which `option` names in messages."""
     try:
-        secret = file.read_text().strip()
+        secret = file.read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not text"
         raise BadSetting(f"{option}: {file} cannot be read: {why}") from error

@@ -8,8 +8,8 @@ import time
 from types import FrameType
 from typing import Final
 
-from plateau.exit_codes import ExitCode
-from plateau.farm.process.stop import Stop
+from plateau.errors import ExitCode
+from plateau.farm.process.waits import Stop
 
 _LOG = logging.getLogger("plateau")
 

@@ -11,9 +11,9 @@ from typing import Final, TextIO
 
 from plateau.errors import PlateauError
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.lifecycle import shut_memory
 from plateau.farm.process.settings import Settings
+from plateau.farm.process.waits import Backoff
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
@@ -187,7 +187,7 @@ class Tree:
     def _await_redis(self) -> None:
         if self._redis is None:
             return
-        self._redis.await_ready()
+        self._redis.await_ready(self.interrupts.asked.is_set)
         from plateau.farm.ledger.schema import check_schema
         from plateau.farm.redis.link import connect
 
@@ -203,7 +203,7 @@ class Tree:
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
-        self._api_pipe = os.fdopen(reads)
+        self._api_pipe = os.fdopen(reads, encoding="utf-8")
         try:
             api.start(
                 passed=(writes,), more=("--port", str(self.door.port), "--ready-fd", str(writes))

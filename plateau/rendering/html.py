@@ -5,9 +5,10 @@ import io
 from html import escape
 from typing import Final
 
-from plateau.farm.model.job import CurvePoint, Job, utc_now
+from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.curve_svg import job_svg
+from plateau.farm.wire.views import JobView
 
 #: A notebook keeps what it shows, so large images are shown smaller.
 _MOST_PIXELS: Final = 800
@@ -26,7 +27,7 @@ _STYLE: Final = """
 """
 
 
-def card(job: Job, points: list[CurvePoint], png: bytes | None, *notes: str) -> str:
+def card(job: JobView, points: list[CurvePoint], png: bytes | None, *notes: str) -> str:
     """A job as HTML: a line about it, the image that there is, the curve, its newest figures."""
     cap = job.spec.max_spp
     spp = job.spp if job.state.ended else max(job.spp, job.committed_spp)
@@ -47,14 +48,13 @@ def card(job: Job, points: list[CurvePoint], png: bytes | None, *notes: str) -> 
     return f'<style>{_STYLE}</style><div class="plateau">{"".join(parts)}</div>'
 
 
-def headline(job: Job) -> str:
+def headline(job: JobView) -> str:
     """A job in one line of HTML: name, state, spp, time and reason."""
-    now = utc_now()
     about = [
         job.outcome if not job.spp else f"{job.outcome} at {job.spp:,} spp",
         *([] if job.width is None else [f"{job.width}×{job.height}", job.variant or ""]),
-        figures.duration(job.duration_s(now)),
-        job_text.time_left(job, now),
+        figures.duration(job.duration_s(utc_now())),
+        job.time_left,
     ]
     line = escape(" · ".join(filter(None, about)))
     return f"<b>{escape(job.name)}</b> {line}<br>{escape(job.reason)}"

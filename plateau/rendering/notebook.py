@@ -4,7 +4,7 @@ import sys
 from typing import Any
 
 from plateau.client import ApiError, Client
-from plateau.farm.model.job import Job
+from plateau.farm.wire.views import JobView
 from plateau.rendering.html import card, headline
 from plateau.terminal.progress import Progress
 
@@ -29,7 +29,7 @@ class NotebookProgress(Progress):
         self._notes: list[str] = []
         self._output: Any = _display("")
 
-    def job(self, job: Job) -> None:
+    def job(self, job: JobView) -> None:
         """Show the current state of the job, with its newest image."""
         if job.image_spp is not None and job.image_spp != self._shown_spp:
             try:

@@ -9,11 +9,12 @@ from plateau.client import ApiError, Client
 from plateau.client.columns import columns
 from plateau.errors import CommandFailed, needs
 from plateau.farm.model.job import CurvePoint, Event
+from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, whole
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.rendering.html import card
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ class Result:
         OSError
             It cannot be written.
         """
-        path = Path(path)
+        path = at_home(path)
         name = {".exr": "image.exr", ".png": "image.png"}.get(path.suffix.lower())
         if name is not None:
             content = self._file(name)
@@ -116,8 +117,8 @@ class Result:
         else:
             from plateau.rendering.outputs import write_results
 
-            make_ready(path)
-            write_results(_Kept(self), self.job, path)
+            with ready(path):
+                write_results(_Kept(self), self.job, path)
         return path
 
     def _file(self, name: str) -> bytes:

@@ -1,15 +1,15 @@
-"""The report of a look and its plan: a line for people, or JSON for programs."""
+"""The report of a snapshot and its plan: a line for people, or JSON for programs."""
 
 import json
 from dataclasses import asdict, dataclass
 
 from plateau.farm.model.job import utc_now
-from plateau.scale.tasks import Look, Plan, TaskState
+from plateau.scale.tasks import ScalingPlan, Snapshot, TaskState
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report(Plan):
-    """One look and its plan."""
+class Report(ScalingPlan):
+    """One snapshot and its plan."""
 
     waiting: int  #: tasks that wait for a machine
     waiting_for: tuple[str, ...]  #: the batch system's reasons
@@ -23,20 +23,20 @@ class Report(Plan):
     command: tuple[str, ...] | None = None  #: of a dry run: the command that would submit it
 
     @classmethod
-    def of(cls, look: Look, plan: Plan) -> "Report":
+    def of(cls, snapshot: Snapshot, plan: ScalingPlan) -> "Report":
         """The report before anything is done."""
-        waiting = [task for task in look.tasks if task.state is TaskState.WAITS]
-        running = [task for task in look.tasks if task.state is TaskState.RUNS]
+        waiting = [task for task in snapshot.tasks if task.state is TaskState.WAITS]
+        running = [task for task in snapshot.tasks if task.state is TaskState.RUNS]
         return cls(
             **{**asdict(plan), "held_s": round(plan.held_s, 1)},
             waiting=len(waiting),
             waiting_for=tuple(sorted({task.why for task in waiting})),
             running=len(running),
-            rendering=sum(worker.job is not None for worker in look.workers.values()),
-            silent=sum(task.id not in look.workers for task in running),
-            others=look.others,
-            slices=look.demand.slices,
-            work_s=round(look.demand.work_s, 1),
+            rendering=sum(worker.job is not None for worker in snapshot.workers.values()),
+            silent=sum(task.id not in snapshot.workers for task in running),
+            others=snapshot.others,
+            slices=snapshot.demand.slices,
+            work_s=round(snapshot.demand.work_s, 1),
         )
 
     def news(self) -> tuple[object, ...]:

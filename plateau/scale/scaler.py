@@ -6,14 +6,15 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
-from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import StoreUnavailable, WorkerNotFound
 from plateau.farm.model.worker import Worker
+from plateau.farm.redis.client import RedisClient
 from plateau.scale.policy import Policy
 from plateau.scale.report import Report
 from plateau.scale.slurm import Slurm, SlurmFailed, label
-from plateau.scale.tasks import Look, Plan, TaskState
+from plateau.scale.tasks import ScalingPlan, Snapshot, TaskState
 
 _LOG = logging.getLogger(__name__)
 
@@ -22,7 +23,7 @@ _LOG = logging.getLogger(__name__)
 class Scaler:
     """Submits and ends workers in Slurm as the queue needs them."""
 
-    jobs: Jobs
+    client: RedisClient
     workers: Workers
     slurm: Slurm
     policy: Policy
@@ -36,7 +37,7 @@ class Scaler:
     _labels: set[str] = field(default_factory=set)  #: of our workers, past ones included
 
     def run(self, every_s: float, stop: threading.Event) -> None:
-        """Look every `every_s` seconds until `stop` is set, also after an error."""
+        """Scale every `every_s` seconds until `stop` is set, also after an error."""
         while not stop.is_set():
             try:
                 self.step()
@@ -45,15 +46,15 @@ class Scaler:
             stop.wait(every_s)
 
     def step(self) -> None:
-        """Look once, and do what the policy plans.
+        """Take a snapshot, and do what the policy plans.
 
         Raises `SlurmFailed` or `StoreUnavailable` if Slurm or Redis does not answer.
         """
-        look = self._look()
-        plan = self.policy.plan(look)
-        array = None if self.dry_run else self._do(plan, look)
+        snapshot = self._snapshot()
+        plan = self.policy.plan(snapshot)
+        array = None if self.dry_run else self._do(plan, snapshot)
         command = self.slurm.submission(plan.submit) if self.dry_run and plan.submit else None
-        report = replace(Report.of(look, plan), array=array, command=command)
+        report = replace(Report.of(snapshot, plan), array=array, command=command)
         if plan.acts or report.news() != self._told:
             self.tell(report)
             self._told = report.news()
@@ -71,17 +72,17 @@ class Scaler:
             "%d waiting jobs cancelled, %d workers asked to leave", len(waiting), len(running)
         )
 
-    def _look(self) -> Look:
+    def _snapshot(self) -> Snapshot:
         tasks = self.slurm.tasks()
         # Of two workers with one label the newer counts: Slurm has restarted the task.
-        living = sorted(self.jobs.workers(), key=lambda worker: worker.started_at)
+        living = sorted(self.workers.living(), key=lambda worker: worker.started_at)
         by_label = {worker.label: worker for worker in living}
         ours = {task.id: by_label[label(task.id)] for task in tasks if label(task.id) in by_label}
         self._labels |= {label(task.id) for task in tasks}
         for worker in ours.values():
             self._variants.update(worker.variants)
-        census = self.jobs.census(from_priority=self.from_priority)
-        return Look(
+        census = take_census(self.client, from_priority=self.from_priority)
+        return Snapshot(
             now_s=time.monotonic(),
             demand=census.demand_for(self._variants, pool=self.pool, tags=self.tags),
             tasks=tasks,
@@ -97,7 +98,7 @@ class Scaler:
             return False
         return not self._variants or not self._variants.isdisjoint(worker.variants)
 
-    def _do(self, plan: Plan, look: Look) -> str | None:
+    def _do(self, plan: ScalingPlan, snapshot: Snapshot) -> str | None:
         """Carry out the plan; returns the id of the submitted array."""
         if plan.cancel:
             self.slurm.cancel_waiting(plan.cancel)
@@ -105,7 +106,7 @@ class Scaler:
             self.slurm.end(plan.end)
         for task in plan.drain:
             try:
-                self.workers.drain(look.workers[task].id)
+                self.workers.drain(snapshot.workers[task].id)
             except WorkerNotFound:
                 _LOG.info("the worker of Slurm job %s has already gone", task)
         if not plan.submit:
@@ -113,7 +114,7 @@ class Scaler:
         try:
             array = self.slurm.submit(plan.submit)
         except SlurmFailed:
-            self.policy.starts.note_failure(look.now_s)
+            self.policy.starts.note_failure(snapshot.now_s)
             raise
         self.policy.starts.note_submitted(plan.submit)
         return array

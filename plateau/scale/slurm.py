@@ -2,7 +2,7 @@
 
 It uses options that Slurm has had for ten years, and no JSON output, whose format depends on the
 version. Slurm itself stores which tasks are ours, by name, user and comment. So a restarted scaler
-finds them again, and the next look finds the tasks of an sbatch whose answer was lost.
+finds them again, and the next snapshot finds the tasks of an sbatch whose answer was lost.
 """
 
 import getpass
@@ -55,7 +55,7 @@ class Slurm:
     farm: str  #: the farm's id
     script: Path  #: the batch script
     options: Sequence[str]  #: of sbatch
-    environment: Mapping[str, str]  #: the workers' variables beside those of this process
+    environment: Mapping[str, str]  #: the workers' variables besides those of this process
 
     @property
     def _comment(self) -> str:
@@ -126,7 +126,7 @@ def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
             env=environment,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             errors="replace",
             timeout=_PATIENCE_S,
             check=False,

@@ -28,7 +28,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class Snapshot:
     """The state of the farm and of the batch system at one moment."""
 
     now_s: float  #: by a monotonic clock
@@ -39,8 +39,8 @@ class Look:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What to do after a look."""
+class ScalingPlan:
+    """What to do after a snapshot."""
 
     wanted: int  #: number of tasks, within the limits and after smoothing
     have: int  #: tasks that are at work, or will be

@@ -1,7 +1,10 @@
-"""The common part of every family's build: parameters, film and files."""
+"""The common part of every family's build: parameters, film, files and noise."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
 
 from plateau.scenes.mesh import Mesh
 
@@ -94,3 +97,17 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
+
+
+def noise(shape: tuple[int, int], cells: tuple[int, int], seed: int) -> npt.NDArray[np.float64]:
+    """Return smooth noise in [0, 1] that repeats at the edges, on a lattice of so many cells."""
+    field = np.random.default_rng(seed).random(cells)
+    for axis in (0, 1):
+        position = np.arange(shape[axis]) * cells[axis] / shape[axis]
+        cell = np.floor(position).astype(int)
+        part = position - cell
+        part = (part * part * (3 - 2 * part)).reshape((-1, 1) if axis == 0 else (1, -1))
+        here = np.take(field, cell % cells[axis], axis)
+        there = np.take(field, (cell + 1) % cells[axis], axis)
+        field = here + part * (there - here)
+    return field

@@ -14,8 +14,7 @@ from plateau.commands import options as o
 from plateau.commands.app import group
 from plateau.commands.connect import connect
 from plateau.commands.printing import print_one, print_table
-from plateau.errors import CommandFailed, tell
-from plateau.exit_codes import ExitCode
+from plateau.errors import CommandFailed, ExitCode, tell
 
 if TYPE_CHECKING:
     from plateau.farm.model.job import CurvePoint, Job

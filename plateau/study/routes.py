@@ -7,12 +7,13 @@ from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
 
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.examples import JOB_ID
-from plateau.service.api.access.callers import CallerOf, not_yours
+from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.http.etags import FINAL
 from plateau.service.api.parts import Parts
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.handlers import answer_as_they_are
-from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.routes.pages import page
 from plateau.study import examples
 from plateau.study.ledger import Studies, study_level, study_reference
@@ -39,38 +40,30 @@ from plateau.study.views import (
     study_view,
 )
 
-_NOT_YOUR_STUDY: Final = problems.of_extension(
-    "not-your-study",
-    403,
-    "Study of another key",
-    f"study {examples.STUDY_ID} belongs to another key; only that key, or one with the role admin, "
-    "may change it",
-)
-_UNKNOWN_STUDY: Final = problems.of_extension(
-    "unknown-study",
-    404,
-    "Unknown study",
-    f"there is no study '{examples.STUDY_ID}'; GET /v1/studies lists those there are",
-)
-_UNKNOWN_OBSERVER: Final = problems.of_extension(
-    "unknown-observer",
-    404,
-    "Unknown observer",
-    f"nobody takes part in study {examples.STUDY_ID} as 'o-7f3a'; PUT "
-    f"/v1/studies/{examples.STUDY_ID}/observers/o-7f3a takes part",
-)
-_UNKNOWN_TRIAL: Final = problems.of_extension(
-    "unknown-trial",
-    404,
-    "Unknown trial",
-    f"study {examples.STUDY_ID} shows each observer 14 pairs, numbered from 0: there is no pair 14",
-)
-_CANNOT_STUDY: Final = problems.of_extension(
-    "cannot-study",
-    409,
-    "Study cannot be created",
-    f"job {JOB_ID} did not keep its slices; submit the scene again with keep_slices",
-)
+# fmt: off
+_ERROR, _ID = "{error}", examples.STUDY_ID
+_NOT_YOUR_STUDY: Final = ProblemType(
+    "not-your-study", 403, "Study of another key",
+    "study {study} belongs to another key", problems.NOT_YOUR_JOB.remedy, example={"study": _ID})
+_STUDY_OF_NO_KEY: Final = _NOT_YOUR_STUDY.case(
+    "study {study} was made without a key", problems.JOB_OF_NO_KEY.remedy)
+_UNKNOWN_STUDY: Final = ProblemType(
+    "unknown-study", 404, "Unknown study", _ERROR,
+    "GET /v1/studies lists those there are", example={"error": StudyNotFound(_ID)})
+_UNKNOWN_PICTURE: Final = _UNKNOWN_STUDY.case(
+    "there is no study {study!r} with this picture",
+    "GET /v1/studies lists the studies and their levels")
+_UNKNOWN_OBSERVER: Final = ProblemType(
+    "unknown-observer", 404, "Unknown observer", _ERROR,
+    example={"error": ObserverNotFound(_ID, "o-7f3a")})
+_UNKNOWN_TRIAL: Final = ProblemType(
+    "unknown-trial", 404, "Unknown trial", _ERROR, example={"error": TrialNotFound(_ID, 14, 14)})
+_NOT_KEPT: Final = f"job {JOB_ID} did not keep its slices; submit the scene again with keep_slices"
+_CANNOT_STUDY: Final = ProblemType(
+    "cannot-study", 409, "Study cannot be created", _ERROR, example={"error": _NOT_KEPT})
+problems.of_extension(
+    _NOT_YOUR_STUDY, _UNKNOWN_STUDY, _UNKNOWN_OBSERVER, _UNKNOWN_TRIAL, _CANNOT_STUDY)
+# fmt: on
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
@@ -99,10 +92,10 @@ def mount(app: FastAPI, client: RedisClient) -> None:
     answer_as_they_are(
         app,
         {
-            StudyNotFound: (_UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
-            ObserverNotFound: (_UNKNOWN_OBSERVER, ""),
-            TrialNotFound: (_UNKNOWN_TRIAL, ""),
-            CannotStudy: (_CANNOT_STUDY, ""),
+            StudyNotFound: _UNKNOWN_STUDY,
+            ObserverNotFound: _UNKNOWN_OBSERVER,
+            TrialNotFound: _UNKNOWN_TRIAL,
+            CannotStudy: _CANNOT_STUDY,
         },
     )
 
@@ -179,7 +172,8 @@ def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     """Remove a study with all its answers and pictures. This needs the key that made it."""
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
-        raise Problem(_NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
+        kind = _NOT_YOUR_STUDY if study.owner else _STUDY_OF_NO_KEY
+        raise Problem(kind, study=study.id)
     farm.studies.forget(study.id, farm.api.blobs)
 
 
@@ -264,7 +258,7 @@ def answer_trial(
 def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) -> Study:
     """Make the study of this request."""
     # Imported at the first use: numpy and the metric take a fifth of the API's start.
-    from plateau.study.pictures import put_pictures
+    from plateau.study.pictures import are_independent, put_pictures
 
     job = farm.api.job(asked.job_id)
     other = farm.api.job(asked.reference_job_id or asked.job_id)
@@ -282,7 +276,7 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) ->
         "method": asked.method,
         "job_id": job.id,
         "reference_job_id": other.id,
-        "independent": other.spec.seed != job.spec.seed,
+        "independent": are_independent(farm.api.blobs, job, slices, other, reference),
         "levels": levels,
         "reference_spp": reference_spp,
         "slice_spp": slice_spp,
@@ -316,11 +310,7 @@ def _picture(farm: _Parts, study_id: str, blob: str) -> Response:
     try:
         content = farm.api.files.content(blob, farm.studies.sha256(study_id, blob))
     except FileNotFoundError as error:
-        raise Problem(
-            _UNKNOWN_STUDY,
-            f"there is no study {study_id!r} with this picture; GET /v1/studies lists the studies "
-            "and their levels",
-        ) from error
+        raise Problem(_UNKNOWN_PICTURE, study=study_id) from error
     return Response(content, media_type="image/png", headers={"Cache-Control": FINAL})
 
 

@@ -11,9 +11,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
+from plateau.farm.model.job import CurvePoint, Event, utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures, job_text
+from plateau.farm.wire.views import JobView
 from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, job_curve
 
 #: The render rate is that of the slices of the last seconds.
@@ -27,7 +28,7 @@ class Progress(ABC):
     """Shows a job while it runs; a context that lasts until the job has ended."""
 
     def __init__(self) -> None:
-        self._job: Job | None = None
+        self._job: JobView | None = None
         self._points: list[CurvePoint] = []
         self._slices: deque[tuple[datetime, int]] = deque()  # when committed, and its samples
 
@@ -37,7 +38,7 @@ class Progress(ABC):
     def __exit__(self, *error: object) -> None:
         self.refresh()
 
-    def job(self, job: Job) -> None:
+    def job(self, job: JobView) -> None:
         """Show the current state of the job."""
         self._job = job
         self.refresh()
@@ -59,7 +60,7 @@ class Progress(ABC):
     def refresh(self) -> None:
         """Show the passing time."""
 
-    def _rate(self, job: Job) -> str:
+    def _rate(self, job: JobView) -> str:
         """The render rate over the last slices; "" if unknown."""
         if len(self._slices) < 2 or job.state is JobState.PAUSED:
             return ""
@@ -91,11 +92,11 @@ class PlainProgress(Progress):
         """Print a line."""
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
-    def job(self, job: Job) -> None:
+    def job(self, job: JobView) -> None:
         """Print a new state."""
         super().job(job)
         if job.state.value != self._shown_state and not job.state.ended:
-            to_come = job_text.place(job)
+            to_come = job.time_left if job.state is JobState.QUEUED else ""
             self.note(f"{job.state.value}: {'; '.join(filter(None, (job.reason, to_come)))}")
             self._shown_state = job.state.value
 
@@ -144,14 +145,13 @@ class LiveProgress(Progress):
         if self._job is not None:
             self._live.update(self._lines(self._job), refresh=True)
 
-    def _lines(self, job: Job) -> Group:
+    def _lines(self, job: JobView) -> Group:
         size = "" if job.width is None else f" · {job.width}×{job.height}"
         variant = "" if job.variant is None else f" · {job.variant}"
         head = Table.grid(expand=True)
         head.add_column(ratio=1)
         head.add_column(justify="right")
-        now = utc_now()
-        times = filter(None, (job_text.time_left(job, now), figures.duration(job.duration_s(now))))
+        times = filter(None, (job.time_left, figures.duration(job.duration_s(utc_now()))))
         head.add_row(
             Text.assemble((job.name, "bold"), f"  {job.state.value}{variant}{size}"),
             " · ".join(times),

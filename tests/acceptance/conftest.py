@@ -6,16 +6,31 @@ from pathlib import Path
 import pytest
 
 from tests.support.farms.real_farm import RealFarm
+from tests.support.processes.forked import ForkServer
+from tests.support.until import until
 
 
 @pytest.fixture(scope="session")
-def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
+def shared_farm(
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
+) -> Iterator[RealFarm]:
+    with RealFarm(tmp_path_factory.mktemp("farm"), cache, server=fork_server) as farm:
         yield farm
 
 
 @pytest.fixture
 def farm(shared_farm: RealFarm) -> Iterator[RealFarm]:
     """The shared farm, with nothing but its API running before and after."""
+    shared_farm.stop_all()
     yield shared_farm
     shared_farm.stop_all()
+
+
+@pytest.fixture
+def staffed(shared_farm: RealFarm) -> RealFarm:
+    """The shared farm with a monitor and two workers, which serve test after test."""
+    if not shared_farm.staff or shared_farm.processes[1:] != shared_farm.staff:
+        shared_farm.stop_all()
+        shared_farm.staff = [shared_farm.start("monitor"), *shared_farm.workers(2)]
+        until(lambda: len(shared_farm.client.workers()) == 2)
+    return shared_farm

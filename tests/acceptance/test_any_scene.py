@@ -1,6 +1,5 @@
 """Scenes as people have them: includes, relative meshes, textures, any filter, any film."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,9 @@ from tests.support.farms.real_farm import RealFarm
 ROOM = Path(__file__).parents[1] / "reference" / "scenes" / "room"
 
 
-@pytest.fixture(scope="module")
-def at_work(shared_farm: RealFarm) -> Iterator[RealFarm]:
-    shared_farm.start("monitor")
-    shared_farm.workers(1)
-    yield shared_farm
-    shared_farm.stop_all()
-
-
 @pytest.mark.parametrize("rfilter", ["gaussian", "box"])
-def test_a_scene_with_everything_is_rendered(at_work: RealFarm, rfilter: str) -> None:
-    farm = at_work
+def test_a_scene_with_everything_is_rendered(staffed: RealFarm, rfilter: str) -> None:
+    farm = staffed
     job = farm.submit(
         ROOM,
         parameters={"filter": rfilter, "width": 37},

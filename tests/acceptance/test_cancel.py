@@ -11,10 +11,8 @@ from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
 
-def test_a_cancel_frees_the_workers_and_leaves_nothing(farm: RealFarm) -> None:
-    farm.start("monitor")
-    farm.workers(2)
-    until(lambda: len(farm.client.workers()) == 2)
+def test_a_cancel_frees_the_workers_and_leaves_nothing(staffed: RealFarm) -> None:
+    farm = staffed
     job = farm.submit(parameters={"width": 192, "height": 192}, max_spp=10_000)
     until(lambda: farm.client.job(job.id).spp >= 100)
     until(lambda: all(worker.job == job.id for worker in farm.client.workers()))

@@ -20,17 +20,9 @@ def python_of(document: Path) -> Iterator[str]:
         yield "\n" * text.count("\n", 0, block.start(1)) + block.group(1)
 
 
-@pytest.fixture(scope="module")
-def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
-        farm.start("monitor")
-        farm.workers(1)
-        yield farm
-
-
 @pytest.mark.parametrize("name", ["docs/client.md", "docs/api.md"])
 def test_every_block_runs(
-    name: str, farm: RealFarm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, staffed: RealFarm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Given the service that the docs speak of, at another address, and a folder with the scenes
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
@@ -41,4 +33,6 @@ def test_every_block_runs(
     # Then each block runs, with what those before it have left
     namespace: dict[str, object] = {}
     for block in blocks:
-        exec(compile(block.replace(DEFAULT_URL, farm.client.url), ROOT / name, "exec"), namespace)
+        exec(
+            compile(block.replace(DEFAULT_URL, staffed.client.url), ROOT / name, "exec"), namespace
+        )

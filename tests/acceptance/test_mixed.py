@@ -2,9 +2,7 @@
 
 import os
 import signal
-from contextlib import suppress
 
-import psutil
 import pytest
 
 from tests.support.farms.real_farm import RealFarm
@@ -14,37 +12,9 @@ SPEC = {
     "parameters": {"width": 48, "height": 48},
     "step": 100,
     "slice_spp": 20,
-    "max_spp": 800,
-    "rule": {"name": "fixed", "spp": 800},
+    "max_spp": 400,
+    "rule": {"name": "fixed", "spp": 400},
 }
-
-
-def render_child(supervisor: int) -> psutil.Process:
-    children = psutil.Process(supervisor).children(recursive=True)
-    return next(child for child in children if "plateau.worker.child" in child.cmdline())
-
-
-@pytest.mark.long
-def test_a_job_does_not_wait_for_a_worker_that_is_stuck(farm: RealFarm) -> None:
-    farm.start("monitor")
-    stuck, _ = farm.workers(2)
-    until(lambda: len(farm.client.workers()) == 2)
-    job = farm.submit(**SPEC)
-    # Given a worker that renders, and whose render child comes to a standstill, while it lives on
-    worker = next(one.id for one in farm.client.workers() if one.pid == stuck.pid)
-    until(lambda: any(one.worker == worker for one in farm.client.slices(job.id)))
-    child = render_child(stuck.pid)
-    child.suspend()
-    # Then the job ends without it, all the same
-    done = farm.client.wait(job.id)
-    assert (done.state, done.spp) == ("converged", 800)
-    assert done.second_tries >= 1
-    assert worker in {one.id for one in farm.client.workers()}
-    with suppress(psutil.NoSuchProcess):  # it was ended, where it did not hear that it is to stop
-        child.resume()
-    # And its image has the bits of one for which nobody was late
-    again = farm.client.wait(farm.submit(**SPEC).id)
-    assert farm.image(done).tobytes() == farm.image(again).tobytes()
 
 
 def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFarm) -> None:
@@ -79,6 +49,27 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     assert 1 <= len(shown.last_slices) <= 5
     assert shown.core_hours is not None
     assert shown.core_hours > newest.render_s * shown.threads / 3600 * 0.999
+
+
+def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFarm) -> None:
+    farm.start("monitor")
+    worker = farm.start("worker")
+    endless = {"max_spp": 100_000, "rule": {"name": "fixed", "spp": 100_000}}
+    long = farm.submit(**SPEC | endless)
+    until(lambda: farm.client.job(long.id).committed_spp >= 100)
+    # Given two that are queued while the only worker is busy
+    worker.send_signal(signal.SIGSTOP)
+    queued = [farm.submit(**SPEC).id for _ in range(2)]
+    assert [farm.client.job(job).queue_place for job in queued] == [1, 2]
+    worker.send_signal(signal.SIGCONT)
+    # Then they start one after the other, and end before the long one does
+    first, second = (farm.client.wait(job) for job in queued)
+    running = farm.client.job(long.id)
+    assert running.state == "rendering"
+    times = [running.started_at, first.started_at, second.started_at]
+    assert all(times)
+    assert times == sorted(times)  # type: ignore[type-var]
+    farm.client.cancel(long.id)
 
 
 @pytest.mark.parametrize("options", [("--pool", "two words"), ("--tag", "gpu:0")])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.workers import Workers
 from tests.support.farms.faulty_farm import SPEC
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -29,36 +29,6 @@ def paused_half_way(farm: RealFarm) -> str:
 
 
 @pytest.mark.long
-def test_a_paused_job_ends_as_any_other(farm: RealFarm, undisturbed: Outcome) -> None:
-    farm.start("monitor")
-    farm.workers(2)
-    until(lambda: len(farm.client.workers()) == 2)
-    job = paused_half_way(farm)
-    # Its workers come to an end with what they have, and take another job
-    other = farm.submit(
-        parameters={"width": 16, "height": 16},
-        slice_spp=1,
-        step=1,
-        max_spp=4,
-        priority=-1000,
-        rule={"name": "fixed", "spp": 4},
-    )
-    assert farm.client.wait(other.id).state == "converged"
-    until(lambda: all(worker.job is None for worker in farm.client.workers()))
-    # All that was rendered is in its checkpoint, and shown
-    until(lambda: farm.store.names(blobs.partials(job)) == [])
-    paused = farm.client.job(job)
-    until(lambda: f"{paused.committed_spp:07d}" in farm.jobs.results(job))
-    assert farm.client.image(job, "image.png")
-    assert (paused.state, paused.paused_at is not None) == ("paused", True)
-    # When it is resumed, it goes on
-    assert farm.client.resume(job).state == "rendering"
-    found = outcome(farm, job)
-    assert_same(found, undisturbed)
-    assert found.job.paused_s > 0
-
-
-@pytest.mark.long
 def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: Outcome) -> None:
     started = [farm.start("monitor"), *farm.workers(2)]
     until(lambda: len(farm.client.workers()) == 2)
@@ -74,7 +44,7 @@ def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: O
     # Others come; nothing happens to the job until it is resumed
     farm.start("monitor")
     farm.start("worker")
-    until(lambda: len(farm.jobs.workers(1.0)) == 1)
+    until(lambda: len(Workers(farm.redis_client).living(1.0)) == 1)
     assert farm.client.job(job).committed_spp == before.committed_spp
     farm.client.resume(job)
     assert_same(outcome(farm, job), undisturbed)

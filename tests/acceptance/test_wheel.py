@@ -53,9 +53,9 @@ BRINGS = {
         "farm.sweep",
         "processes.redis_at_hand",
     ),
-    "images": ("farm.images", "files.image_diff"),
+    "images": ("farm.images", "picture.diff"),
     "api": ("service.api", "processes.standing"),
-    "monitor": ("service.judging", "service.monitor", "metric", "files.image_series"),
+    "monitor": ("picture", "service.monitor", "metric"),
     "worker": ("worker",),
 }
 
@@ -240,11 +240,9 @@ print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 
 
 def test_the_base_is_a_client_and_a_command_line(
-    farm: RealFarm, base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
+    staffed: RealFarm, base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
-    farm.start("monitor")
-    farm.workers(1)
-    where = {"PLATEAU_URL": farm.url}
+    where = {"PLATEAU_URL": staffed.url}
     # Given a job that the client has submitted
     program = """
 import os, sys

@@ -1,24 +1,33 @@
-"""By zones, the image does not depend on who rendered it either, whatever the filter."""
+"""Zones and denoised images do not depend on who rendered them, nor on who died on the way."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from plateau.farm.images.exr import decode_layers
-from tests.acceptance.test_same_image import assert_same, kill_a_worker, outcome
+from tests.acceptance.test_same_image import (
+    Victims,
+    assert_same,
+    kill_a_worker,
+    kill_the_monitor,
+    outcome,
+)
 from tests.support.farms.real_farm import BOX, RealFarm
-from tests.support.until import until
+from tests.support.long_tests import rare
 
 SPEC = {
-    "parameters": {"width": 64, "height": 64},
-    "allocation": {"name": "zones", "size": 16},
+    "parameters": {"width": 48, "height": 48},
     "step": 40,
     "slice_spp": 10,
     "max_spp": 1200,
     "rule": {"name": "fixed", "spp": 240},
 }
+ZONES = {"allocation": {"name": "zones", "size": 16}}
+DENOISED = {"denoise": {"name": "oidn"}}
 
 
 def box_with(rfilter: str, folder: Path) -> Path:
@@ -30,26 +39,37 @@ def box_with(rfilter: str, folder: Path) -> Path:
     return scene.parent
 
 
-@pytest.mark.parametrize("rfilter", ["box", pytest.param("gaussian", marks=pytest.mark.long)])
-def test_workers_that_come_and_go_make_the_same_image(
-    farm: RealFarm, tmp_path: Path, rfilter: str
+@pytest.fixture(scope="module")
+def victims(shared_farm: RealFarm) -> Iterator[Victims]:
+    """A monitor and two workers; in the place of one that dies comes another."""
+    shared_farm.stop_all()
+    yield {"monitor": [shared_farm.start("monitor")], "worker": shared_farm.workers(2)}
+    shared_farm.stop_all()
+
+
+@pytest.mark.parametrize(
+    ("rfilter", "how"), [("box", ZONES), ("box", DENOISED), *rare(("gaussian", ZONES))]
+)
+def test_workers_and_monitors_that_come_and_go_make_the_same_image(
+    shared_farm: RealFarm, victims: Victims, tmp_path: Path, rfilter: str, how: dict[str, Any]
 ) -> None:
-    scene = box_with(rfilter, tmp_path)
-    # Given what one worker makes
-    farm.start("monitor")
-    farm.workers(1)
-    alone = outcome(farm, farm.submit(scene, **SPEC))
-    farm.stop_all()
-    # When there are two, and one dies
-    victims = {"monitor": [farm.start("monitor")], "worker": farm.workers(2)}
-    until(lambda: len(farm.client.workers()) == 2)
-    job = farm.submit(scene, **SPEC)
-    until(lambda: farm.client.job(job.id).points >= 2)
+    farm, scene = shared_farm, box_with(rfilter, tmp_path)
+    # Given what comes of the job where nothing happens
+    alone = outcome(farm, farm.submit(scene, **SPEC, **how))
+    # When a worker dies, and the monitor after it
+    job = farm.client.job(farm.submit_half_way(scene, **SPEC, **how))
     kill_a_worker(farm, victims)
-    # Then all is the same
+    kill_the_monitor(farm, victims)
+    # Then all is the same, to the bit
     assert_same(outcome(farm, job), alone)
-    # And zones had what they needed
-    spp = decode_layers(farm.client.image(job.id, "image.exr"))["spp"]
-    assert spp.min() < spp.max()
-    assert int(spp.mean(dtype=np.float64)) == alone[0].spp
-    assert (spp.min(), spp.max()) == (alone[0].spp_min, alone[0].spp_max)
+    found = decode_layers(farm.client.image(job.id, "image.exr"))
+    if how is ZONES:  # which had what they needed
+        spp = found["spp"]
+        assert spp.min() < spp.max()
+        assert int(spp.mean(dtype=np.float64)) == alone[0].spp
+        assert (spp.min(), spp.max()) == (alone[0].spp_min, alone[0].spp_max)
+    else:
+        layers = {"raw.R", "denoised.R", "denoised.weight", "albedo.R", "N.X"}
+        assert layers <= found.keys()
+        raw, image = (np.stack([found[f"{layer}{c}"] for c in "RGB"]) for layer in ("raw.", ""))
+        assert not np.array_equal(raw, image)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from bench.savings import RULES, left, scene_tables, summary_table, time_ratio
 from bench.support.other_rules import (
     CyclesAdaptive,
     CyclesThreshold,
@@ -11,8 +10,6 @@ from bench.support.other_rules import (
     cycles_error,
     luxcore_displayed,
 )
-from bench.support.report import markdown
-from bench.support.series import CYCLES, CYCLES_ADAPTIVE, Series, Stop
 from plateau.metric import Image, View
 
 
@@ -157,57 +154,3 @@ class TestCyclesPixelByPixel:
             assert not rule.add(film(value, 50), film(value, 50), 100)
         assert rule.mean_spp == 200
         np.testing.assert_allclose(rule.image, grey(0.3), rtol=1e-6)
-
-
-VISIBLE = "`visible`"
-
-
-def series(stops: dict[str, Stop]) -> Series:
-    """A series whose wrong pixels halve with every doubling of the spp; a look costs as 10 spp."""
-    one = Series("BOX 1", 100, 10_000, [100_000 // spp for spp in range(50, 10_050, 50)])
-    done = Stop(200, ended=True, looks=2, seen=500)
-    one.stops = {name: stops.get(rule, done) for rule, (name, _) in RULES.items()}
-    one.spp_s, one.look_s = [0.5, 0.5], {whose: [5.0] for _, whose in RULES.values()}
-    return one
-
-
-class TestTables:
-    def test_machine_time_is_rendering_and_looking(self) -> None:
-        one = series({VISIBLE: Stop(2000, ended=True, looks=20, seen=50)})
-        assert time_ratio(one, VISIBLE) == pytest.approx((2000 + 20 * 10) / 10_000)
-
-    def test_what_is_left_is_without_the_references_noise(self) -> None:
-        spp = 1 / (1 / 1000 + 1 / 10_000)
-        pixels, how = left(series({}), Stop(spp, ended=True, looks=1, seen=110))
-        assert (pixels, how) == (pytest.approx(100), "")
-
-    def test_late_in_a_series_it_is_what_is_seen(self) -> None:
-        assert left(series({}), Stop(9000, ended=True, looks=1, seen=11)) == (11, "at most")
-
-    def test_where_pixels_differ_in_spp_as_much_is_taken_out_as_where_they_do_not(self) -> None:
-        # Spread evenly, 111 pixels are seen against the reference where 101 are wrong.
-        pixels, how = left(series({}), Stop(900, True, looks=1, seen=222), evenly=False)
-        assert how == "about"
-        assert pixels == pytest.approx(222 * 0.91, rel=0.01)
-
-    def test_a_rule_that_did_not_stop_says_how_far_it_was_watched(self) -> None:
-        going_on = Stop(10_000, ended=False, looks=100, seen=10, unfinished=3)
-        shown = scene_tables([series({CYCLES: going_on})])
-        words = "> 10,000 (3 pixels not done) | over 110% | at most 10 | at most 0.10% |"
-        assert f"| Cycles, whole image | {words}" in shown
-
-    def test_pixels_that_go_on_are_counted(self) -> None:
-        going_on = Stop(321.5, ended=False, looks=100, seen=10, unfinished=7)
-        shown = scene_tables([series({CYCLES_ADAPTIVE: going_on})])
-        assert "| 322 on average (7 pixels not done by 10,000) | over 13% | about 10 |" in shown
-
-    def test_a_median_of_what_did_not_stop_is_a_bound(self) -> None:
-        going_on = Stop(8000, ended=False, looks=0, seen=1)
-        both = [series({VISIBLE: going_on}), series({})]
-        assert "| `visible` | over 41% | 2% to over 80% | 1 |" in markdown(summary_table(both))
-
-    def test_false_stops_are_counted(self) -> None:
-        both = [series({}), series({VISIBLE: Stop(2500, True, 25, 40)})]
-        first, second = markdown(summary_table(both)).splitlines()[2:4]
-        assert first.startswith("| `visible` | 15% | 2% to 28% | 0 | 2 | 1 | 4.91% |")
-        assert second.startswith("| `visible`, 0.1 % | 2% | 2% to 2% | 0 | 2 | 2 | 4.91% |")

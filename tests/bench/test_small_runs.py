@@ -15,7 +15,7 @@ from plateau.farm.model.spec import (
     ReverseSpec,
     SuccessiveSpec,
 )
-from plateau.files.image_series import find_series, judge_series
+from plateau.picture.series import find_series, judge_series
 
 BOX, SIZE = SCENES["BOX 1"], Size(pixels=24, cap=600)
 pytestmark = pytest.mark.long

@@ -97,7 +97,6 @@ github.com/compose-spec/compose-go/v2@v2.16.2 schema/compose-spec.json"
     done <<< "$wanted"
     echo "$wanted" > "$folder/made-from"
   fi
-  debian_redis
   GOFLAGS="${GOFLAGS:-} '-gcflags=all=-N -l'" CGO_ENABLED=0 go_tool helm helm.sh/helm/v3/cmd/helm@v3.19.5
 }
 
@@ -124,6 +123,7 @@ install_kubernetes() {
     fi
   done
   install_chart
+  debian_redis
   our_program coredns
   our_program kube "$set.gitVersion=v$version $set.gitMajor=1 $set.gitMinor=34"
   for name in kube-apiserver kube-controller-manager kube-proxy kube-scheduler kubectl kubelet; do
@@ -135,10 +135,9 @@ install_kubernetes() {
   .venv/bin/python -m tests.cluster.kubernetes.images
 }
 
-# Networks that fail: losing packets, and a proxy that is slow.
+# Networks that fail, by losing packets.
 install_network() {
   command -v ip >/dev/null && command -v iptables-legacy >/dev/null || apt_install iproute2 iptables
-  go_tool toxiproxy github.com/Shopify/toxiproxy/v2/cmd/server@v2.12.0
 }
 
 # An S3 server; and for the long form another one (minutes to build).

@@ -152,7 +152,7 @@ class BareFarm(RealFarm):
         self.redis_client = client
         self.jobs = Jobs(client)
         self.processes = []
-        self.url = self._start_api()
+        _, self.url = self.start_api()
         self.client = Client(self.url)
 
     def stop(self) -> None:

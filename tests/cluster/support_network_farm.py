@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.cluster.support_network import Network

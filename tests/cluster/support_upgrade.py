@@ -1,6 +1,5 @@
 """A farm whose processes are stopped and started one by one, while people use it."""
 
-import os
 import signal
 import subprocess
 import threading
@@ -47,7 +46,7 @@ class UpgradedFarm(FaultyFarm):
 
     def begin(self, *, monitors: int, workers: int) -> None:
         """Start a second API, and so many of the others."""
-        process, url = self._api("0")
+        process, url = self.start_api()
         self.members.append(Member("api", ("--port", _port(url)), process))
         self.urls.append(url)
         for role, count in (("monitor", monitors), ("worker", workers)):
@@ -75,18 +74,11 @@ class UpgradedFarm(FaultyFarm):
         """Stop it and start it again; returns how many seconds it took to stop."""
         took_s = self.stop(member)
         if member.role == "api":
-            member.process, _ = self._api(member.arguments[1])
+            member.process, _ = self.start_api(member.arguments[1])
         else:
             member.process = self.start(member.role)
         until(lambda: self.works(member))
         return took_s
-
-    def _api(self, port: str) -> tuple[subprocess.Popen[bytes], str]:
-        reads, writes = os.pipe()
-        process = self.start("api", "--port", port, "--ready-fd", str(writes), passed=(writes,))
-        os.close(writes)
-        with os.fdopen(reads) as pipe:
-            return process, pipe.readline().strip()
 
 
 @dataclass

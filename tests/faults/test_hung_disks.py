@@ -30,7 +30,7 @@ _STAGES = {
 _SOON = {
     "plateau.farm.process.hang:HUNG_S": 1.0,
     "plateau.worker.supervisor.health:ANSWERS_S": 2.0,
-    "plateau.worker.supervisor.child_process:GONE_S": 1.0,
+    "plateau.farm.process.child:GONE_S": 1.0,
     "plateau.worker.supervisor.supervisor:_SIT_OUT_S": [0.5, 1.0],
 }
 
@@ -72,7 +72,9 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
 ) -> None:
     farm.start("monitor")
     with LoopDisk(tmp_path / "disk") as disk:
-        shutil.copytree(cache, disk.folder / "cache", ignore=shutil.ignore_patterns("scenes"))
+        shutil.copytree(
+            cache, disk.folder / "cache", ignore=shutil.ignore_patterns("scenes", "home")
+        )
         there = {"PLATEAU_CACHE": str(disk.folder / "cache"), "PLATEAU_PASS_TIMEOUT_S": "2"}
         farm.start_changed("worker", environment=there, set=_SOON)
         job = submit()

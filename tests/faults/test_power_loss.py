@@ -22,7 +22,7 @@ import pytest
 import redis
 
 from plateau.client import Client, ClientError
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import JobNotFound

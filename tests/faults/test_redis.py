@@ -13,6 +13,7 @@ from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.long_tests import cases
+from tests.support.processes.forked import ForkServer
 from tests.support.until import until
 
 Submit = Callable[[], str]
@@ -37,9 +38,11 @@ class Remote:
 
 
 @pytest.fixture(scope="module")
-def far_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[Remote]:
+def far_farm(
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
+) -> Iterator[Remote]:
     with (
-        FaultyFarm(tmp_path_factory.mktemp("far"), cache) as farm,
+        FaultyFarm(tmp_path_factory.mktemp("far"), cache, server=fork_server) as farm,
         RedisProxy(Path(farm.redis.url.removeprefix("unix://"))) as proxy,
     ):
         for role in ("monitor", "worker", "worker"):

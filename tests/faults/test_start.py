@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 from plateau.farm.model.versions import LAYOUT
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plateau.client import ApiError, Client
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from tests.support.farms.live_api import live_api
 from tests.support.scenes.bundles import scene

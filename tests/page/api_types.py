@@ -50,7 +50,9 @@ def typed(schema: Schema) -> str:
         return " | ".join(map(json.dumps, schema["enum"]))
     for choice in ("anyOf", "oneOf"):
         if choice in schema:
-            return " | ".join(dict.fromkeys(map(typed, schema[choice])))
+            # The page neither sends nor gets fields in their forms as text.
+            kinds = [one for one in schema[choice] if "as text" not in one.get("description", "")]
+            return " | ".join(dict.fromkeys(map(typed, kinds)))
     match schema.get("type"):
         case "array" if "prefixItems" in schema:
             return f"[{', '.join(map(typed, schema['prefixItems']))}]"

@@ -10,10 +10,10 @@ from playwright.sync_api import Browser, Page
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.scene_roots import read_roots
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.api.scene_checks.placing import Placing
+from plateau.service.notices.targets import Targets
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.processes.browser import SharedChromium, Visitor

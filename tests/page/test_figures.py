@@ -16,6 +16,7 @@ from plateau.metric.rules.reasons import counted
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
+from tests.support.long_tests import rare
 
 COUNTS = (0.5, 2.5, 9.5, 9.96, 12.5, 232.5, 233.5, 1234, 2_073_600)
 FRACTIONS = (0, 1e-7, 0.000113, 0.000125, 0.0125, 0.0363, 0.12345, 0.29, 0.9999, 1)
@@ -50,9 +51,7 @@ def test_the_page_rounds_as_the_command_line_and_the_rules_do(page: Page) -> Non
     assert [counted(count) for count in COUNTS] == [
         f"{figures.pixels(count)} pixels" for count in COUNTS
     ]
-
-
-def test_shares_add_up(page: Page) -> None:
+    # And shares add up
     for slices in ([1, 1, 1], [7, 5, 3, 2], [1], [999, 1], [25] * 7):
         said = page.evaluate(
             """async (counts) => (await import("/page/shared/figures.js")).sharesOf(counts)""",
@@ -62,7 +61,7 @@ def test_shares_add_up(page: Page) -> None:
         assert sum(tenths) == 1000
 
 
-@pytest.mark.parametrize("end", [JobState.CANCELLED, JobState.CONVERGED])
+@pytest.mark.parametrize("end", [JobState.CANCELLED, *rare(JobState.CONVERGED)])
 def test_a_job_took_as_long_wherever_one_looks(
     visit: Visit,
     farm: NoiseFarm,

@@ -1,6 +1,7 @@
-"""A stopping rule from an installed distribution: in the API, on the command line, on the page."""
+"""A real farm with a stopping rule from an installed distribution: API, command line and page."""
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -33,7 +34,7 @@ def plateau(farm: RealFarm, *arguments: str) -> subprocess.CompletedProcess[str]
 
 
 def test_the_api_describes_it(toy_farm: RealFarm) -> None:
-    with httpx.Client(base_url=toy_farm.url, trust_env=False) as http:
+    with httpx.Client(base_url=toy_farm.url, trust_env=False, timeout=60) as http:
         schemas = http.get("/openapi.json").json()["components"]["schemas"]
         rules = http.get("/v1/rules").json()["rules"]
     assert schemas["ToySpec"]["description"] == "Stop after a number of evaluations."
@@ -57,7 +58,11 @@ def test_the_command_line_helps_with_it(toy_farm: RealFarm) -> None:
 def test_a_job_is_judged_by_it_and_the_page_offers_it(
     toy_farm: RealFarm, visit: Visit, tmp_path: Path
 ) -> None:
-    with pack(BOX / "scene.xml") as packed:
+    # Given a scene that says how many samples it wants, which the farm takes no notice of
+    copied = shutil.copytree(BOX, tmp_path / "box") / "scene.xml"
+    wants = '<sampler type="independent"><integer name="sample_count" value="16"/></sampler>'
+    copied.write_text(copied.read_text().replace('<sampler type="independent"/>', wants))
+    with pack(copied) as packed:
         (tmp_path / "box.zip").write_bytes(packed.file.read())
     toy_farm.start("monitor")
     toy_farm.workers(1)
@@ -80,7 +85,12 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     said = "It stopped by itself at 75 spp: the image was looked at 3 times."
     expect(page.locator(".reason")).to_have_text(said)
     path = page.url.replace("/jobs/", "/v1/jobs/")
-    job = httpx.get(path, trust_env=False).json()
+    job = httpx.get(path, trust_env=False, timeout=60).json()
     assert job["spec"]["rule"] == {"name": "toy", "looks": 3}
     assert job["reason"] == "looked 3 times, at 75 spp"
+    expect(page.locator(".frame img.layer").first).to_have_js_property("naturalWidth", 32)
+    # And what the scene asked for in vain is told
+    expect(page.locator(".notes")).to_contain_text("sample_count of 16 was ignored")
+    page.goto("/workers")
+    expect(page.locator(".worker")).to_contain_text("idle")
     visitor.leave()

@@ -8,13 +8,13 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-import redis
 from playwright.sync_api import Browser, expect
 
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.until import until
 
 MARKUP = "<img src=x onerror=\"document.title='taken'\"><b>bold</b>"
 
@@ -33,55 +33,40 @@ def test_names_batches_and_reasons_are_text(visit: Visit, farm: NoiseFarm) -> No
         expect(visitor.page.locator("main")).to_contain_text(MARKUP)
         expect(visitor.page.locator("main b", has_text="bold")).to_have_count(0)
         assert "taken" not in visitor.page.title().replace(MARKUP, "")
-
-
-def test_a_report_has_text_only(visit: Visit, farm: NoiseFarm) -> None:
-    job = farm.submit(MARKUP, batch=MARKUP[:100])
-    farm.jobs.cancel(job.id, reason=MARKUP)
-    page = visit(f"/v1/jobs/{job.id}/report.html").page
+    # So is the name of a scene
+    about = {"name": MARKUP, "bytes": 1, "width": 1, "height": 1}
+    SceneIndex(farm.jobs._redis).remember("ab" * 32, about)
+    page = visitor.page
+    page.goto("/submit")
+    expect(page.get_by_label("A stored scene").locator("option").last).to_contain_text(MARKUP)
+    # And a report has text only
+    page.goto(f"/v1/jobs/{other.id}/report.html")
     expect(page.locator("h1")).to_have_text(MARKUP)
     expect(page.locator(".lead")).to_contain_text(MARKUP)
-    expect(page.locator("img, script")).to_have_count(0)
+    expect(page.locator("script, [onerror]")).to_have_count(0)
 
 
-def test_a_scene_called_like_markup(visit: Visit, client: redis.Redis) -> None:
-    SceneIndex(client).remember("ab" * 32, {"name": MARKUP, "bytes": 1, "width": 1, "height": 1})
-    page = visit("/submit").page
-    expect(page.get_by_label("A stored scene").locator("option").last).to_contain_text(MARKUP)
-
-
-@pytest.mark.parametrize(
-    "path", ["/", "/submit", "/workers", "/jobs/0123456789ab", "/page/main.js"]
-)
-def test_every_file_comes_with_its_policy(url: str, path: str) -> None:
-    answer = httpx.get(url + path, trust_env=False)
-    policy = dict(
-        directive.split(" ", 1)
-        for directive in answer.headers["content-security-policy"].split("; ")
-    )
-    assert policy["default-src"] == "'none'"
-    assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
-    assert policy["require-trusted-types-for"] == "'script'"
-    assert "unsafe" not in answer.headers["content-security-policy"]
-    assert answer.headers["x-content-type-options"] == "nosniff"
-    assert answer.headers["referrer-policy"] == "no-referrer"
-
-
-def test_files_are_asked_for_again_and_not_sent_again(url: str) -> None:
-    path = f"{url}/page/shared/style.css"
-    first = httpx.get(path, trust_env=False)
-    assert first.headers["cache-control"] == "no-cache"
-    headers = {"If-None-Match": first.headers["etag"]}
-    assert httpx.get(path, headers=headers, trust_env=False).status_code == 304
-
-
-@pytest.mark.parametrize(
-    "path", ["/page/none.js", "/page/../routes_page.py", "/page/%2e%2e/app.py"]
-)
-def test_nothing_else_is_served(url: str, path: str) -> None:
-    answer = httpx.get(url + path, trust_env=False)
-    assert answer.status_code == 404
-    assert answer.headers["content-type"] == "application/problem+json"
+def test_every_file_comes_with_its_policy_and_nothing_else_is_served(url: str) -> None:
+    for path in ("/", "/submit", "/workers", "/jobs/0123456789ab", "/page/main.js"):
+        answer = httpx.get(url + path, trust_env=False, timeout=60)
+        policy = dict(
+            directive.split(" ", 1)
+            for directive in answer.headers["content-security-policy"].split("; ")
+        )
+        assert policy["default-src"] == "'none'"
+        assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+        assert policy["require-trusted-types-for"] == "'script'"
+        assert "unsafe" not in answer.headers["content-security-policy"]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+    # They are asked for again and not sent again
+    assert answer.headers["cache-control"] == "no-cache"
+    headers = {"If-None-Match": answer.headers["etag"]}
+    assert httpx.get(url + path, headers=headers, trust_env=False, timeout=60).status_code == 304
+    for path in ("/page/none.js", "/page/../routes_page.py", "/page/%2e%2e/app.py"):
+        answer = httpx.get(url + path, trust_env=False, timeout=60)
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/problem+json"
 
 
 def test_a_page_that_breaks_its_policy_would_be_noticed(visit: Visit) -> None:
@@ -90,7 +75,7 @@ def test_a_page_that_breaks_its_policy_would_be_noticed(visit: Visit) -> None:
         "() => { const image = document.createElement('img'); image.src = 'data:,';"
         " document.body.append(image); }"
     )
-    visitor.page.wait_for_timeout(300)
+    until(lambda: visitor.page.wait_for_timeout(50) or visitor._wrong)
     with pytest.raises(AssertionError, match="img-src"):
         visitor.leave()
     visitor.forgive()
@@ -161,3 +146,13 @@ def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
         page.goto(site)
         page.click("#ours")
         expect(page.locator("main")).to_contain_text("The curve begins at its first step")
+
+
+@pytest.mark.long
+def test_calls_are_shown_and_can_be_tried(visit: Visit) -> None:
+    page = visit("/docs").page
+    expect(page.get_by_role("heading", name="Plateau")).to_be_visible()
+    page.get_by_role("button", name="GET /healthz").first.click()
+    page.get_by_role("button", name="Try it out").click()
+    page.get_by_role("button", name="Execute").click()
+    expect(page.locator(".live-responses-table")).to_contain_text('"status": "ok"')

@@ -1,6 +1,5 @@
 """Submitting a scene by the page: what was found in it, what is refused, and where it leads."""
 
-import io
 import re
 import zipfile
 from pathlib import Path
@@ -12,7 +11,7 @@ from pydantic import BaseModel
 
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
@@ -74,84 +73,34 @@ def test_a_scene_is_looked_at_and_rendered(form: Page, farm: NoiseFarm, scene: P
     assert [rule.name for rule in job.spec.watch] == ["reverse"]
 
 
-def test_another_rule_and_view(form: Page, farm: NoiseFarm, scene: Path) -> None:
+def rendered(form: Page, farm: NoiseFarm) -> JobSpec:
+    """The spec of the job that the form makes."""
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    return farm.jobs.get(form.url.rpartition("/")[2]).spec
+
+
+def test_another_rule_zones_and_denoising(form: Page, farm: NoiseFarm, scene: Path) -> None:
     choose(form, scene)
     form.get_by_label("The paper's plateau").first.check()
     form.get_by_label("Slope to stop at").fill("0.5")
-    form.get_by_label("Display white").fill("300")
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
-    assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
-    assert spec.view.white_luminance == 300
-    assert spec.watch == ()
-
-
-def test_samples_go_where_one_wants_them(form: Page, farm: NoiseFarm, scene: Path) -> None:
-    choose(form, scene)
     expect(form.get_by_label("All over the frame")).to_be_checked()
-    size = form.get_by_label("Side of a zone")
+    size, guides = form.get_by_label("Side of a zone"), form.get_by_label("With guides")
     expect(size).to_be_hidden()
     form.get_by_label("To the zones that need them").check()
     size.fill("64")
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
-    assert spec.allocation.model_dump() == {"name": "zones", "size": 64}
-
-
-def test_its_image_is_denoised_if_one_wants(form: Page, farm: NoiseFarm, scene: Path) -> None:
-    choose(form, scene)
-    guides = form.get_by_label("With guides")
     expect(guides).to_be_hidden()
     form.get_by_label("By Open Image Denoise").check()
     guides.uncheck()
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    form.get_by_role("button", name="in a cinema").click()
+    expect(form.get_by_label("Or pixels in a degree")).to_have_value("57")
+    form.get_by_label("Display white").fill("60")
+    spec = rendered(form, farm)
+    assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
+    assert spec.watch == ()
+    assert spec.allocation.model_dump() == {"name": "zones", "size": 64}
     assert spec.denoise.model_dump() == {"name": "oidn", "guides": False}
-
-
-def test_channels_of_the_image_and_what_is_behind_it(
-    form: Page, farm: NoiseFarm, scene: Path
-) -> None:
-    choose(form, scene)
-    form.get_by_text("More", exact=True).click()
-    form.get_by_label("Albedo").check()
-    form.get_by_label("Shape ids").check()
-    form.get_by_label("Precision of image.exr").select_option("half")
-    form.get_by_label("Its compression").select_option("piz")
-    form.get_by_label("Background").fill("0.5, 0, 1")
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
-    assert spec.aovs == ("albedo", "shape_id")
-    assert (spec.exr.precision, spec.exr.compression) == ("half", "piz")
-    assert spec.view.background == (0.5, 0, 1)
-
-
-def test_the_form_has_every_aov_and_every_way_to_write_them(form: Page) -> None:
-    fieldset = form.get_by_role("group", name="Beside colour, image.exr has", include_hidden=True)
-    shown = fieldset.locator("input").evaluate_all("all => all.map(one => one.value)")
-    assert tuple(shown) == AOV_NAMES
-    for name, field in ExrSpec.model_fields.items():
-        choices = form.locator(f"select[name='spec.exr.{name}'] option").all_text_contents()
-        assert form.locator(f"select[name='spec.exr.{name}']").input_value() == field.default
-        assert set(choices) == set(get_args(field.annotation))
-
-
-def test_a_frame_of_a_sequence(form: Page, farm: NoiseFarm, scene: Path) -> None:
-    choose(form, scene)
-    expect(form.locator(".found")).to_contain_text("sphere.xml")
-    form.get_by_text("More", exact=True).click()
-    form.get_by_label("Batch").fill("walk")
-    form.get_by_label("No sooner than").fill("400")
-    form.get_by_label("Keep every slice").check()
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
-    assert (spec.batch, spec.min_spp) == ("walk", 400)
-    assert spec.keep_slices
+    assert spec.view == ViewSpec.model_validate({**PLACES["cinema"], "white_luminance": 60})
 
 
 def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path) -> None:
@@ -165,28 +114,27 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
         ("Tags", "highmem, fast"),
         ("URL", "https://studio.example/hooks/plateau"),
         ("Its secret", "whsec_" + "A" * 32),
+        ("Batch", "walk"),
+        ("No sooner than", "400"),
+        ("Background", "0.5, 0, 1"),
     ):
         form.get_by_label(label, exact=True).fill(text)
+    for label in ("Keep every slice", "Albedo", "Shape ids"):
+        form.get_by_label(label).check()
+    form.get_by_label("Precision of image.exr").select_option("half")
+    form.get_by_label("Its compression").select_option("piz")
     form.get_by_label("Variant").select_option("scalar_rgb")
     assert form.get_by_label("Notify").locator("option").all_inner_texts() == ["lead", "ops"]
     form.get_by_label("Notify").select_option(["lead"])
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    spec = rendered(form, farm)
+    assert (spec.batch, spec.min_spp, spec.keep_slices) == ("walk", 400, True)
+    assert (spec.aovs, spec.view.background) == (("albedo", "shape_id"), (0.5, 0, 1))
+    assert (spec.exr.precision, spec.exr.compression) == ("half", "piz")
     assert (spec.name, spec.pool, spec.variant) == ("dusk, last take", "night", "scalar_rgb")
     assert set(spec.requires) == {"highmem", "fast"}
     assert spec.notice.targets == ("lead",)
     assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
     assert spec.notice.url == "https://studio.example/hooks/plateau"
-    # What the form does not have, it need not have
-    elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed", "shot"}
-    names = form.context.new_page()
-    names.goto("/submit")
-    opened(names)
-    asked = names.locator("form [name]").evaluate_all("all => all.map(one => one.name)")
-    top = {name.split(".")[1] for name in asked if name.startswith("spec.")}
-    shown = {"allocation", "denoise", "aovs", "keep_slices"} | elsewhere
-    assert set(JobSpec.model_fields) <= top | shown
 
 
 class TestPresets:
@@ -203,38 +151,6 @@ class TestPresets:
         expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
         rule = farm.jobs.get(form.url.rpartition("/")[2]).spec.rule
         assert rule.model_dump() == {"name": "visible", "target": 0.01, "min_spp": 32}
-
-    @pytest.mark.long
-    def test_say_what_they_take_of_this_scene(
-        self, form: Page, farm: NoiseFarm, scene: Path
-    ) -> None:
-        choose(form, scene)
-        draft, final, limit = form.locator(".presets .takes").all()
-        with farm.monitor():
-            form.get_by_role("button", name="Render 10 s of it").click()
-            farm.work(lambda: draft.inner_text() and limit.inner_text())
-        told = [int(re.sub(r"\D", "", one.inner_text().split("spp")[0])) for one in (draft, final)]
-        assert 32 <= told[0] <= told[1]
-        assert told[1] >= 200  # the rule's own least
-        for one in (draft, final, limit):
-            expect(one).to_have_text(re.compile(r"about [\d,]+ spp, .*(s|min|h)|not to be told"))
-        # The probe has left nothing behind
-        expect(form.get_by_role("button", name="Render 10 s of it")).to_be_visible()
-        left, _ = farm.jobs.search(limit=50)
-        assert left == []
-        # What was told of other parameters is forgotten
-        form.get_by_label("width", exact=True).fill("64")
-        form.get_by_label("width", exact=True).blur()
-        expect(draft).to_have_text("")
-
-    def test_a_probe_is_stopped(self, form: Page, farm: NoiseFarm, scene: Path) -> None:
-        choose(form, scene)
-        with form.expect_response(lambda answer: answer.request.method == "DELETE"):
-            with form.expect_response(lambda answer: answer.request.method == "POST"):
-                form.get_by_role("button", name="Render 10 s of it").click()
-            form.get_by_role("button", name="Stop the probe").click()
-        left, _ = farm.jobs.search(limit=50)
-        assert left == []
 
 
 def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:
@@ -254,25 +170,21 @@ def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:
     assert sorted(int(job.spec.parameters["width"]) for job in jobs) == [32, 48, 64]
 
 
-def test_a_scene_is_dropped(form: Page) -> None:
+def test_a_scene_is_dropped_edited_and_brought_again(
+    form: Page, scene: Path, tmp_path: Path
+) -> None:
     form.locator(".drop").evaluate(DROP, SCENE_XML)
     expect(form.locator(".found")).to_contain_text("dropped.xml")
-
-
-def test_a_scene_that_was_edited_is_brought_again(form: Page, scene: Path) -> None:
+    scene.write_text(SCENE_XML.replace("256", "192"))
     choose(form, scene)
-    expect(form.locator(".found")).to_contain_text("256 × 256 pixels")
+    expect(form.locator(".found")).to_contain_text("192 × 192 pixels")
     scene.write_text(SCENE_XML.replace("256", "128"))
     choose(form, scene)
     expect(form.locator(".found")).to_contain_text("128 × 128 pixels")
-
-
-def test_a_zip_says_what_it_holds(form: Page, tmp_path: Path) -> None:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as bundle:
+    # A zip says what it holds
+    with zipfile.ZipFile(tmp_path / "sphere.zip", "w") as bundle:
         bundle.writestr("scene.xml", SCENE_XML)
         bundle.writestr("notes.txt", "by hand")
-    (tmp_path / "sphere.zip").write_bytes(content.getvalue())
     choose(form, tmp_path / "sphere.zip")
     expect(form.locator(".found")).to_contain_text("2 files")
 
@@ -309,17 +221,6 @@ def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> 
     expect(again.locator(".found")).to_contain_text("256 × 256 pixels")
 
 
-def test_a_place_fills_in_the_view(form: Page, farm: NoiseFarm, scene: Path) -> None:
-    choose(form, scene)
-    form.get_by_role("button", name="in a cinema").click()
-    expect(form.get_by_label("Or pixels in a degree")).to_have_value("57")
-    form.get_by_label("Display white").fill("60")
-    form.get_by_role("button", name="Render it").click()
-    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    view = farm.jobs.get(form.url.rpartition("/")[2]).spec.view
-    assert view == ViewSpec.model_validate({**PLACES["cinema"], "white_luminance": 60})
-
-
 def test_a_scene_is_named_where_it_lies(form: Page, farm: NoiseFarm, folder: Path) -> None:
     walk = folder / "assets" / "walk"
     walk.mkdir(parents=True, exist_ok=True)
@@ -337,17 +238,6 @@ class TestWhatIsRefused:
     @pytest.fixture
     def form(self, visit: Visit) -> Page:
         return opened(visit("/submit", expected={413, 422}).page)
-
-    def test_a_broken_scene_says_where(self, form: Page, tmp_path: Path) -> None:
-        (tmp_path / "broken.xml").write_text("<scene version='3.0.0'>\n<shape></scene>")
-        choose(form, tmp_path / "broken.xml")
-        expect(form.get_by_role("alert").filter(has_text="line 2")).to_be_visible()
-        expect(form.get_by_role("button", name="Render it")).to_be_hidden()
-
-    def test_a_file_that_is_too_large(self, form: Page, tmp_path: Path) -> None:
-        (tmp_path / "large.xml").write_bytes(b" " * 6_000_000)
-        choose(form, tmp_path / "large.xml")
-        expect(form.locator(".wrong")).to_contain_text("more than")
 
     def test_a_field_that_does_not_fit_is_named_and_focused(
         self, form: Page, farm: NoiseFarm, scene: Path
@@ -369,9 +259,16 @@ class TestWhatIsRefused:
         expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
         assert farm.jobs.get(form.url.rpartition("/")[2]).spec.after == (first, "evening")
 
-    def test_a_parameter_that_the_scene_needs_is_asked_for(
+    def test_a_broken_scene_a_large_file_and_a_parameter_that_is_missing(
         self, form: Page, tmp_path: Path
     ) -> None:
+        (tmp_path / "broken.xml").write_text("<scene version='3.0.0'>\n<shape></scene>")
+        choose(form, tmp_path / "broken.xml")
+        expect(form.get_by_role("alert").filter(has_text="line 2")).to_be_visible()
+        expect(form.get_by_role("button", name="Render it")).to_be_hidden()
+        (tmp_path / "large.xml").write_bytes(b" " * 6_000_000)
+        choose(form, tmp_path / "large.xml")
+        expect(form.locator(".wrong")).to_contain_text("more than")
         needy = SCENE_XML.replace('  <default name="width" value="256"/>\n', "")
         (tmp_path / "needy.xml").write_text(needy)
         choose(form, tmp_path / "needy.xml")
@@ -412,3 +309,18 @@ def test_each_number_of_the_form_has_the_default_and_the_bounds_of_the_spec(form
         if not name.startswith("frames.")
     }
     assert asked == {name: pytest.approx(three) for name, three in specified.items()}
+    # It has every AOV, and every way to write them
+    fieldset = form.get_by_role("group", name="Besides colour, image.exr has", include_hidden=True)
+    shown = fieldset.locator("input").evaluate_all("all => all.map(one => one.value)")
+    assert tuple(shown) == AOV_NAMES
+    for name, field in ExrSpec.model_fields.items():
+        choices = form.locator(f"select[name='spec.exr.{name}'] option").all_text_contents()
+        assert form.locator(f"select[name='spec.exr.{name}']").input_value() == field.default
+        assert set(choices) == set(get_args(field.annotation))
+    # And all of a spec but what it need not have
+    elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed", "shot"}
+    named = form.locator("form [name]").evaluate_all("all => all.map(one => one.name)")
+    top = {name.split(".")[1] for name in named if name.startswith("spec.")}
+    assert set(JobSpec.model_fields) <= top | elsewhere | {
+        *("allocation", "denoise", "aovs", "keep_slices")
+    }

@@ -4,6 +4,7 @@ import redis
 from playwright.sync_api import expect
 
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis import keys
 from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
@@ -56,7 +57,9 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     page.get_by_role("button", name="Drain w-2").click()
     page.get_by_role("button", name="Drain it").click()
     expect(second).to_contain_text("drained: it may be stopped")
-    assert [one.drained for one in sorted(farm.jobs.workers(), key=lambda one: one.id)] == [
+    assert [
+        one.drained for one in sorted(Workers(farm.client).living(), key=lambda one: one.id)
+    ] == [
         False,
         True,
     ]

@@ -31,14 +31,15 @@ def test_every_family_has_a_name() -> None:
     assert {path.parent.name for path in scenes.FOLDER.glob("*/scene.xml")} == set(scenes.NAMES)
 
 
+def test_it_is_written_elsewhere_too(tmp_path: Path) -> None:
+    write_files(tmp_path, files("box"))
+    assert_checked_in(tmp_path, files("box"))
+
+
 @pytest.mark.parametrize("family", scenes.NAMES)
 class TestEveryFamily:
     def test_is_checked_in_as_its_code_builds_it(self, family: str) -> None:
         assert_checked_in(scenes.FOLDER / family, files(family))
-
-    def test_is_written_elsewhere_too(self, family: str, tmp_path: Path) -> None:
-        write_files(tmp_path, files(family))
-        assert_checked_in(tmp_path, files(family))
 
     def test_passes_the_farms_check(self, family: str) -> None:
         given = {"width": "128", "intensity": "3"}
@@ -52,10 +53,8 @@ class TestEveryFamily:
         assert summary.parameters["intensity"] == f"{build(family).BRIGHT:g}"
         assert set(summary.parameters) == {"width", "height", "intensity", "max_depth"}
 
-    def test_has_a_second_light_of_half_the_first(self, family: str) -> None:
-        assert build(family).DIM == build(family).BRIGHT / 2
-
     def test_is_in_the_readme_with_both_lights(self, family: str) -> None:
+        assert build(family).DIM == build(family).BRIGHT / 2
         readme = (scenes.FOLDER / "README.md").read_text(encoding="utf-8")
         for number, intensity in ((1, build(family).BRIGHT), (2, build(family).DIM)):
             assert f"| {family.upper()} {number} | {intensity:g} |" in readme

@@ -1,13 +1,16 @@
 """A live API over the session's Redis, which is empty for each test."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import pytest
+import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.farms.live_api import live_api
+from tests.support.farms.noise_farm import NoiseFarm
 
 
 @pytest.fixture(scope="session")
@@ -27,3 +30,8 @@ def http(session_api: str, redis_url: str) -> Iterator[httpx.Client]:
     options = {"trust_env": False, "verify": False, "timeout": 60}
     with httpx.Client(base_url=session_api, **options) as http:
         yield http
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path)

@@ -38,7 +38,7 @@ ALLOWANCES: dict[str, dict[str, float]] = {
 }
 
 #: width, height, spp of a slice, slices. 3 spp make a slice of two passes.
-SHORT = [(333, 255, 3, 32), *long_tests.rare((512, 512, 1, 32))]
+SHORT = [(333, 255, 3, 16), *long_tests.rare((512, 512, 1, 32))]
 LONG = [(512, 512, 16, 64), (333, 255, 1, 256), (640, 360, 4, 128), (40, 24, 25, 400)]
 CASES = [*SHORT, *(LONG if long_tests.WANTED else [])]
 

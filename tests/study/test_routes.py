@@ -99,6 +99,9 @@ class TestPictures:
         films = sum(noise_film(100 + i, 20, 1.0).astype(np.float64) for i in range(5))
         expected = encode_srgb((films[..., :3] / films[..., 3:]).astype(np.float32), 0.0)
         assert http.get(study["links"]["reference"]).content == encode_png(expected)
+        # One with the same noise is not independent, whatever its seed
+        alike = ended_job(farm, slices=8, slice_spp=SPP, seed=9)
+        assert not made(http, job, reference_job_id=alike.id)["independent"]
 
     def test_stay_when_the_job_is_forgotten(
         self, http: httpx.Client, client: redis.Redis, farm: NoiseFarm, job: Job

@@ -5,9 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
+from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.probe import check_create_once
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable
 
 #: Goes up in several parts where a store takes parts.

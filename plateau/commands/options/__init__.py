@@ -169,7 +169,7 @@ def spec_from_options(
     aov: Annotated[
         list[str] | None,
         typer.Option(
-            help="What image.exr has beside colour: albedo, normal, depth, position, uv, shape_id "
+            help="What image.exr has besides colour: albedo, normal, depth, position, uv, shape_id "
             "or primitive_id; may be repeated.",
             autocompletion=complete.aovs,
         ),

@@ -4,7 +4,8 @@ import secrets
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 
 _RACERS: Final = 4

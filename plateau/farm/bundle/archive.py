@@ -11,11 +11,18 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO, BinaryIO, cast
+from typing import IO, BinaryIO, Final, cast
 
 from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
 from plateau.farm.bundle.placed import LIST_NAME, MOST_LIST_BYTES, Placed, in_root
-from plateau.farm.bundle.tree import Bundle, Parts, is_absolute, leaves_upwards, parts_below
+from plateau.farm.bundle.tree import (
+    Bundle,
+    Parts,
+    folded,
+    is_absolute,
+    leaves_upwards,
+    parts_below,
+)
 
 #: The longest component of a name on every common file system.
 _MAX_COMPONENT_BYTES = 255
@@ -52,6 +59,7 @@ class Archive(Bundle):
     def __init__(self, stream: BinaryIO, size: int, limits: BundleLimits) -> None:
         super().__init__()
         self._limits = limits
+        self.checked: set[Parts] = set()  #: files whose contents were found good
         bounded = _BoundedReads(stream, max(limits.max_entries * _DIRECTORY_BYTES_PER_ENTRY, MIB))
         try:
             self._zip = zipfile.ZipFile(cast("BinaryIO", bounded))
@@ -116,9 +124,9 @@ class Archive(Bundle):
         name = _decoded_name(info)
         is_folder = name.endswith("/")
         path = _checked_name(name.removesuffix("/"), self._limits)
-        folded = _folded(path)
-        if folded in self._seen:
-            other = self._seen[folded]
+        same = folded("/".join(path))
+        if same in self._seen:
+            other = self._seen[same]
             raise BundleError(
                 "duplicate-entry",
                 "the archive holds it twice"
@@ -126,7 +134,7 @@ class Archive(Bundle):
                 else f"its name differs from {other!r} in case alone; rename one",
                 file=name,
             )
-        self._seen[folded] = name
+        self._seen[same] = name
         _check_type(info, name, is_folder=is_folder)
         _check_contents(info, name, self._limits)
         if is_folder:
@@ -148,7 +156,7 @@ class Archive(Bundle):
             raise _too_many(len(placed.files), self._limits)
         for name, content in placed.files.items():
             path = _checked_name(name, self._limits)
-            if self._seen.setdefault(_folded(path), name) != name or path in self._infos:
+            if self._seen.setdefault(folded("/".join(path)), name) != name or path in self._infos:
                 raise BundleError("duplicate-entry", "the bundle has the name twice", file=name)
             self.files[path] = content.bytes
             self.folders.update(path[:depth] for depth in range(len(path)))
@@ -158,9 +166,9 @@ class Archive(Bundle):
         return placed
 
     def _refuse_files_as_folders(self) -> None:
-        folders = {_folded(path) for path in self.folders}
+        folders = {folded("/".join(path)) for path in self.folders}
         for path in self.files:
-            if _folded(path) in folders:
+            if folded("/".join(path)) in folders:
                 name = self.label(path)
                 raise BundleError("duplicate-entry", "it is a file and a folder", file=name)
 
@@ -180,15 +188,6 @@ def _said(error: Exception) -> str:
     """Return an error's text, cut: the archive's names in it may be long."""
     words = str(error)
     return words if len(words) <= _MAX_SAID else f"{words[:_MAX_SAID]}…"
-
-
-def _folded(path: Parts) -> str:
-    """Return a path as a file system sees it that ignores case and the composition of accents.
-
-    Unicode's canonical caseless matching (The Unicode Standard, definition D145).
-    """
-    decomposed = unicodedata.normalize("NFD", "/".join(path))
-    return unicodedata.normalize("NFD", decomposed.casefold())
 
 
 class _BoundedReads:
@@ -287,3 +286,21 @@ def _check_contents(info: zipfile.ZipInfo, name: str, limits: BundleLimits) -> N
             f"a ratio of {limits.max_ratio:g} is allowed",
             file=name,
         )
+
+
+#: The first time that a zip can express; any fixed time would do.
+_TIMESTAMP: Final = (1980, 1, 1, 0, 0, 0)
+_FILE_ATTRIBUTES: Final = 0o100644 << 16
+_FOLDER_ATTRIBUTES: Final = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
+_UNIX: Final = 3
+
+
+def zip_entry(name: str) -> zipfile.ZipInfo:
+    """Return an entry for writing: of a file, or of a folder where the name ends with a slash.
+
+    It has no times and no owners, so that a zip has the same bytes whenever it is written.
+    """
+    info = zipfile.ZipInfo(name, date_time=_TIMESTAMP)
+    info.create_system = _UNIX
+    info.external_attr = _FOLDER_ATTRIBUTES if name.endswith("/") else _FILE_ATTRIBUTES
+    return info

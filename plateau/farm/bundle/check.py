@@ -2,13 +2,12 @@
 
 An upload is a file of one of the formats of `plateau.farm.bundle.formats`, such as a Mitsuba XML,
 or a zip of one with its meshes and textures. Nothing in it is trusted. The API checks it before it
-stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer or reads
-a mesh.
+stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer.
 
 The check refuses what reaches beyond the bundle (paths, links, libraries that Mitsuba would load),
-what costs too much (bombs, include cycles, huge films), and unknown plugins where the limits name
-the known ones. Only a renderer, in a child process, judges the values, or reads a format that it
-alone knows.
+what costs too much (bombs, include cycles, huge films), unknown plugins where the limits name the
+known ones, and meshes and images that Mitsuba cannot read. Only a renderer, in a child process,
+judges the values, or reads a format that it alone knows.
 """
 
 import os
@@ -22,6 +21,7 @@ from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.entry import find_entry
 from plateau.farm.bundle.formats import SceneFormat, format_named, formats
 from plateau.farm.bundle.limits import BundleError, BundleLimits
+from plateau.farm.bundle.magic import BEGINNING_BYTES, what_it_is
 from plateau.farm.bundle.tree import Bundle, Parts
 
 _ZIP_MAGIC = b"PK"
@@ -50,6 +50,8 @@ class SceneSummary:
     height: int | None
     #: number of sensors
     sensors: int
+    #: whether only variants that leave whole films to the renderer can render it
+    is_whole: bool = False
     #: the scene's parameters with their defaults
     parameters: dict[str, str] = field(default_factory=dict)
     #: the scene roots in which it has files
@@ -201,17 +203,25 @@ def format_of(stream: IO[bytes], file: str | None = None) -> SceneFormat | None:
     BundleError
         The file has none of the formats, or is damaged; the message names `file` where given.
     """
-    beginning = stream.read(1024)
+    beginning = stream.read(BEGINNING_BYTES)
     if beginning.startswith(_ZIP_MAGIC):
         return None
     text = beginning.translate(None, _NOT_TEXT)
-    for one in formats():
-        if text.startswith(one.begins):
-            return one
-    raise BundleError(
+    what = what_it_is(beginning)
+    if what is None or not what.startswith("a web page"):
+        for one in formats():
+            if text.startswith(one.begins):
+                return one
+    raise not_a_scene(what, file)
+
+
+def not_a_scene(what: str | None, file: str | None = None) -> BundleError:
+    """The error for a file that is something else, in words; None for what nobody knows."""
+    known = ", ".join(one.called for one in formats())
+    return BundleError(
         "not-a-scene",
-        f"it is neither {' nor '.join(one.called for one in formats())} nor a zip archive, or it "
-        "is damaged",
+        f"it is {what or 'of no known kind, or damaged'} (a scene is {known}, or a zip of one with "
+        "its files)",
         file=file,
     )
 

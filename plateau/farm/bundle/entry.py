@@ -9,7 +9,7 @@ from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.tree import EscapeError, Parts, find, put_first
 from plateau.farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
 
-#: What macOS adds to an archive beside the real files.
+#: What macOS adds to an archive besides the real files.
 _MACOS_FOLDER = "__MACOSX"
 
 

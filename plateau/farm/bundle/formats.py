@@ -13,6 +13,7 @@ from functools import cache
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Final
 
+from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.limits import BundleLimits
 from plateau.farm.bundle.tree import Parts, Tree
 from plateau.farm.bundle.walk import read_scene
@@ -30,6 +31,7 @@ class Checked:
     height: int | None
     sensors: int
     parameters: dict[str, str]
+    is_whole: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +70,17 @@ def _check_mitsuba(
 ) -> Checked:
     scene = read_scene(tree, entry, parameters, limits)
     scene.parameters.check_all_used()
+    if isinstance(tree, Archive):
+        from plateau.farm.bundle.contents import check_contents  # numpy takes its time
+
+        check_contents(tree, scene.references)
     width, height = scene.cast.image_size(sensor, limits)
     return Checked(
         width=width,
         height=height,
         sensors=len(scene.cast.sensors),
         parameters=scene.parameters.defaults,
+        is_whole=scene.is_whole,
     )
 
 

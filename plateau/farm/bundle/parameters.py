@@ -9,10 +9,13 @@ import re
 from collections.abc import Mapping
 
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown, shown_name
+from plateau.farm.bundle.tree import folded
 from plateau.farm.bundle.xml import BudgetSpent, XmlBudget
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
+#: Letters of any script, whose accents may be characters of their own.
+_LETTER = r"[\w\u0300-\u036f]"
+_NAME = re.compile(rf"[^\W\d]{_LETTER}*")
+_UNRESOLVED = re.compile(rf"(?<!\\)\$({_LETTER}*)")
 _MAX_VALUE_CHARACTERS = 4096
 #: Names of parameters in an error message, and characters of each.
 _MAX_NAMES = 20
@@ -98,8 +101,11 @@ class Parameters:
         """Refuse a parameter that the scene never uses, as Mitsuba does."""
         for name in self._given:
             if name not in self._used:
-                close = difflib.get_close_matches(name, self._names(), n=1)
+                same = [one for one in self._names() if folded(one) == folded(name)]
+                close = same or difflib.get_close_matches(name, self._names(), n=1)
                 hint = f"; did you mean {shown(close[0])}?" if close and close[0] != name else ""
+                if hint and close == same and not close[0].isascii():
+                    hint = f"{hint[:-1]}, that is {close[0]!a}, and not {name!a}?"
                 raise BundleError(
                     "unknown-parameter",
                     f"the scene does not use a parameter {shown(name)}{hint} ({self._known()})",

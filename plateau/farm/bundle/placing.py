@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, BinaryIO
 
+from plateau.farm.bundle.archive import zip_entry
 from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.farm.bundle.hashes import Content, FileHashes
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
 from plateau.farm.bundle.placed import LIST_NAME, Placed, with_names
 from plateau.farm.bundle.references import Reference
-from plateau.farm.bundle.tree import EscapeError, Kind, Parts, leaves_upwards, parts_below
+from plateau.farm.bundle.tree import EntryKind, EscapeError, Parts, leaves_upwards, parts_below
 from plateau.farm.bundle.walk import read_scene
-from plateau.farm.bundle.zip_entries import zip_entry
 from plateau.farm.model.scene_roots import SceneRoot, named_path
 
 
@@ -39,7 +39,7 @@ class RootsTree:
         found = named_path(reference, self._roots.values())
         return None if found is None else parts_below((found[0],), found[1])
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         """Return what lies at a path.
 
         Raises
@@ -73,6 +73,11 @@ class RootsTree:
         if not here.is_relative_to(top):
             raise EscapeError
         return here
+
+    def names(self, folder: Parts) -> Iterable[str]:
+        """Return the names of what is in a folder."""
+        here = self.path(folder) if folder else None
+        return self._roots if here is None else [one.name for one in here.iterdir()]
 
     def is_link(self, folder: Parts) -> bool:
         """Whether the last component of a path is a link."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.bundle.limits import BundleError, shown
-from plateau.farm.bundle.tree import EscapeError, Kind, Parts, Tree, find
+from plateau.farm.bundle.tree import EntryKind, EscapeError, Parts, Tree, find, suggestion
 from plateau.farm.bundle.xml import XmlBudget
 
 Role = Literal["include", "file", "folder"]
@@ -23,6 +23,7 @@ class Reference:
     #: of the first mention
     file: str = field(compare=False)
     line: int = field(compare=False)
+    plugin: str = field(compare=False)  #: that reads the file; "" for none
 
 
 class References:
@@ -32,25 +33,31 @@ class References:
         self._tree = tree
         self._budget = budget
         self._met: dict[Reference, None] = {}
-        #: plugins' files by their names in the scene, and the file and line of the first mention
-        self._named: dict[str, tuple[str, int]] = {}
+        #: plugins' files by their names in the scene; file, line and plugin of the first mention
+        self._named: dict[str, tuple[str, int, str]] = {}
 
     def __iter__(self) -> Iterator[Reference]:
         return iter(self._met)
 
-    def name_plugin_file(self, text: str, file: str, line: int) -> None:
+    def name_plugin_file(self, text: str, plugin: str, file: str, line: int) -> None:
         """Remember a plugin's file until the scene's list of folders is complete."""
         if text not in self._named:
             self._budget.spend("references", 1, file, line)
-            self._named[text] = (file, line)
+            self._named[text] = (file, line, plugin)
 
     def follow_plugin_files(self, folders: tuple[Parts, ...]) -> None:
         """Look the plugins' files up in the scene's folders."""
-        for text, (file, line) in self._named.items():
-            self.follow("file", folders, text, file, line)
+        for text, at in self._named.items():
+            self.follow("file", folders, text, *at)
 
     def follow(
-        self, role: Role, folders: tuple[Parts, ...], text: str, file: str, line: int
+        self,
+        role: Role,
+        folders: tuple[Parts, ...],
+        text: str,
+        file: str,
+        line: int,
+        plugin: str = "",
     ) -> Parts:
         """Return where a reference leads; `BundleError` where nothing of the role is there."""
         try:
@@ -63,11 +70,12 @@ class References:
                 line=line,
             ) from None
         self._budget.spend("lookups", found.lookups + len(folders), file, line)
-        expected: Kind = "folder" if role == "folder" else "file"
+        expected: EntryKind = "folder" if role == "folder" else "file"
         if found.path is None or found.kind != expected:
             problem = f"is not a {expected}" if found.kind else self._tree.remedy
+            problem += "" if found.kind else suggestion(self._tree, folders, text)
             raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)
-        reference = Reference(role, text, found.path, found.visited, file=file, line=line)
+        reference = Reference(role, text, found.path, found.visited, file, line, plugin)
         if reference not in self._met:
             self._budget.spend("references", 1, file, line)
             self._met[reference] = None

@@ -1,17 +1,23 @@
 """The files of a bundle by their names, and the one way to follow a reference among them."""
 
-from collections.abc import Sequence
+import difflib
+import unicodedata
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import IO, Literal, Protocol
 
+from plateau.farm.bundle.limits import shown
 from plateau.farm.bundle.placed import Placed
 
 Parts = tuple[str, ...]
-Kind = Literal["file", "folder"]
+EntryKind = Literal["file", "folder"]
 
 #: The kernel finds nothing by a longer name (PATH_MAX).
 _MAX_PATH_CHARACTERS = 4096
+#: Characters of a name in an error, and names of a folder that a search for a similar one takes.
+_MAX_SHOWN = 60
+_MOST_NAMES = 1000
 OUT_OF_THE_BUNDLE = "leads out of the bundle; put the file into it and name it by a relative path"
 
 
@@ -23,8 +29,11 @@ class Tree(Protocol):
     #: what a file outside is outside of and what to do, likewise
     outside: str
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         """Return what lies at a path, or None where nothing does."""
+
+    def names(self, folder: Parts) -> Iterable[str]:
+        """Return the names of what is in a folder."""
 
     def open(self, path: Parts) -> AbstractContextManager[IO[bytes]]:
         """Open a file for reading."""
@@ -54,9 +63,18 @@ class Bundle:
         named = self.placed.files if self.placed else {}
         return {path: size for path, size in self.files.items() if self.label(path) not in named}
 
-    def kind(self, path: Parts) -> Kind | None:
+    def kind(self, path: Parts) -> EntryKind | None:
         """Return what lies at a path, or None where nothing does."""
         return "file" if path in self.files else "folder" if path in self.folders else None
+
+    def names(self, folder: Parts) -> Iterable[str]:
+        """Return the names of what is in a folder."""
+        here = len(folder)
+        return {
+            path[here]
+            for path in (*self.files, *self.folders)
+            if len(path) > here and path[:here] == folder
+        }
 
     def label(self, path: Parts) -> str:
         """Return the path as people should read it."""
@@ -73,7 +91,7 @@ class Found:
 
     #: the file or folder; None where there is nothing
     path: Parts | None
-    kind: Kind | None
+    kind: EntryKind | None
     #: every folder on the way, on the way of failed candidates too
     visited: frozenset[Parts]
     lookups: int
@@ -139,6 +157,59 @@ def _follow(
         else:
             here = (*here, component)
     return here
+
+
+def suggestion(tree: Tree, bases: Sequence[Parts], reference: str) -> str:
+    """Return a phrase with what a reference that leads nowhere may mean; "" if nothing is like it.
+
+    Mitsuba takes names as they are. Files are often named on a system that ignores case and how
+    accents are composed, and takes a backslash for a slash.
+    """
+    for base in bases:
+        here, meant = base, []
+        for part in (one for one in reference.replace("\\", "/").split("/") if one):
+            if part == ".." and here:
+                here = here[:-1]
+            elif part != ".":
+                try:
+                    near = _nearest(part, tree.names(here) if tree.kind(here) == "folder" else ())
+                except (OSError, EscapeError):
+                    near = None
+                if near is None:
+                    break
+                here, part = (*here, near), near
+            meant.append(part)
+        else:
+            break
+    else:
+        return ""
+    name = "/".join(meant)
+    if unicodedata.normalize("NFC", name) == unicodedata.normalize("NFC", reference):
+        return (
+            f"; there is {shown(name)}, which looks the same and has other characters (Unicode "
+            f"composes accents in two ways: {reference[:_MAX_SHOWN]!a} here, "
+            f"{name[:_MAX_SHOWN]!a} there): rename the file"
+        )
+    case = " (case counts)" if name.casefold() == reference.casefold() else ""
+    slash = " (with / between folders)" if "\\" in reference else case
+    return f"; did you mean {shown(name)}{slash}?"
+
+
+def _nearest(name: str, names: Iterable[str]) -> str | None:
+    """Return the name that is this one, or else one that differs in case, accents or a typo."""
+    there = {folded(one): one for one in names}
+    if name in there.values():
+        return name
+    near = difflib.get_close_matches(folded(name), list(there)[:_MOST_NAMES], n=1, cutoff=0.8)
+    return there.get(folded(name)) or (there[near[0]] if near else None)
+
+
+def folded(path: str) -> str:
+    """Return a path as a file system sees it that ignores case and the composition of accents.
+
+    Unicode's canonical caseless matching (The Unicode Standard, definition D145).
+    """
+    return unicodedata.normalize("NFD", unicodedata.normalize("NFD", path).casefold())
 
 
 def parts_below(folder: Parts, rest: str) -> Parts:

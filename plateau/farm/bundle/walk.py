@@ -26,6 +26,7 @@ from dataclasses import dataclass, field
 
 from plateau.farm.bundle.film import Cast, Film, Property, Sensor
 from plateau.farm.bundle.limits import BundleError, BundleLimits, brief, shown
+from plateau.farm.bundle.old_scenes import OldScene
 from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.plugins import guess
 from plateau.farm.bundle.references import References, Role
@@ -33,6 +34,7 @@ from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, p
 from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
+_WHOLE = "stokes"
 #: Elements that stand for a plugin.
 _OBJECTS = frozenset(
     [
@@ -49,6 +51,8 @@ class Scene:
     parameters: Parameters
     references: References
     cast: Cast = field(default_factory=Cast)
+    #: whether its integrator renders whole films alone, as Mitsuba's scalar variants do
+    is_whole: bool = False
 
 
 def read_scene(
@@ -67,6 +71,7 @@ def read_scene(
     scene = Scene(Parameters(parameters, limits, budget), References(tree, budget))
     walk = _Walk(tree, limits, scene, budget)
     walk.read(entry, (entry[:-1],), including=(), holder=_ROOT)
+    walk.old.check()
     return scene
 
 
@@ -106,6 +111,7 @@ class _Walk:
         self.limits = limits
         self.scene = scene
         self.budget = budget
+        self.old = OldScene(limits.plugins)
         #: counts the declarations of sensors and films, which a second reading must repeat
         self.changes_of_cast = 0
         #: readings that declared no parameter, sensor or film, by all that they depend on
@@ -169,6 +175,9 @@ class _File:
         self._path = path
         self._including = including
         self._open = [holder]
+        self._plugins: list[str] = []  #: types of the open elements
+        self._is_old = False  #: whether it is for a Mitsuba before 2
+        self._unturned = 0  #: the line of an open emitter without a transform; 0 for none
         #: where names lead, as long as the folders stay
         self._followed: dict[tuple[Role, str], Parts] = {}
 
@@ -179,9 +188,17 @@ class _File:
             raise self._refusal("not-a-scene", f"it starts with <{tag[:40]}>, not <scene>", line)
         substitute = self._walk.scene.parameters.substitute
         attributes = {key: substitute(text, self.name, line) for key, text in raw.items()}
-        self._check_plugin(tag, attributes, line)
+        if is_root:
+            self._is_old = self._walk.old.is_old(attributes.get("version", ""))
+        if not self._is_old or not self._walk.old.meet(tag, attributes, self.name, line):
+            self._check_plugin(tag, attributes, line)
+        if attributes.get("type") == _WHOLE and tag == "integrator":
+            self._walk.scene.is_whole = True
+        if self._is_old:
+            self._unturned = line if tag == "emitter" else self._unturned * (tag != "transform")
         holder = self._open[-1]
         self._open.append(self._enter(tag, attributes, holder, line, is_root=is_root))
+        self._plugins.append(attributes.get("type", ""))
         match tag:
             case "default":
                 name, value = attributes.get("name", ""), attributes.get("value", "")
@@ -210,6 +227,10 @@ class _File:
     def end(self) -> None:
         """Leave an element."""
         self._open.pop()
+        plugin = self._plugins.pop()
+        if self._unturned and plugin:
+            self._walk.old.without_up(plugin, self.name, self._unturned)
+            self._unturned = 0
 
     def _enter(
         self, tag: str, attributes: dict[str, str], holder: _Holder, line: int, *, is_root: bool
@@ -251,7 +272,7 @@ class _File:
             raise self._refusal(
                 "unknown-plugin",
                 f"Mitsuba has no plugin of the type {shown(plugin)}{guess(plugin, known)} "
-                "(PLATEAU_PLUGINS names those that workers have beside Mitsuba's)",
+                "(PLATEAU_PLUGINS names those that workers have besides Mitsuba's)",
                 line,
             )
 
@@ -269,7 +290,8 @@ class _File:
 
     def _string(self, name: str, value: str, line: int) -> None:
         if name == "filename":
-            self._walk.scene.references.name_plugin_file(value, self.name, line)
+            plugin = "".join(self._plugins[-2:-1])
+            self._walk.scene.references.name_plugin_file(value, plugin, self.name, line)
         # No plugin of Mitsuba's takes a path by any other name; should one, it stays inside.
         elif is_absolute(value) or leaves_upwards(value):
             raise self._refusal(

@@ -5,6 +5,7 @@ the scene that is rendered, so XML that the two readers could read differently i
 types, entities, other encodings than UTF-8, and anything not well-formed.
 """
 
+import codecs
 import re
 from collections.abc import Callable
 from typing import IO, Final, Literal, NamedTuple
@@ -15,12 +16,13 @@ from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
 from defusedxml.common import DefusedXmlException
 from defusedxml.expatreader import DefusedExpatParser
 
-from plateau.farm.bundle.limits import BundleError, BundleLimits
+from plateau.farm.bundle.limits import BundleError, BundleLimits, shown_name
 
 #: Large: Expat before 2.6 reads an unfinished comment from its start again with every chunk.
 _CHUNK_BYTES = 2**20
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([^"']*)["']""")
 _UTF8_NAMES = (b"utf-8", b"utf8", b"us-ascii", b"ascii")
+_MAX_SAID = 40
 _BOM = b"\xef\xbb\xbf"
 
 #: Called with an element's name, its attributes and its line.
@@ -123,7 +125,8 @@ def read_elements(
     parser = DefusedExpatParser(forbid_dtd=True, bufsize=_CHUNK_BYTES)
     parser.setContentHandler(_Handler(name, budget, start, end))
     source = InputSource()
-    source.setByteStream(_CheckedBytes(stream, name, budget))
+    checked = _CheckedBytes(stream, name, budget)
+    source.setByteStream(checked)
     # This encoding overrules the declared one.
     source.setEncoding("utf-8")
     try:
@@ -136,6 +139,7 @@ def read_elements(
             line=parser.getLineNumber(),
         ) from error
     except SAXParseException as error:
+        checked.refuse_other_encodings(error.getLineNumber())
         raise BundleError(
             "xml-malformed",
             f"it is not well-formed XML: {error.getMessage()}",
@@ -151,14 +155,17 @@ class _CheckedBytes:
         self._stream = stream
         self._name = name
         self._budget = budget
-        self._is_at_start = True
+        self._chunk: bytes | None = None
+        self._line = 1  # at which that chunk begins
         self._bytes_of_tag = 0
 
     def read(self, size: int = -1, /) -> bytes:
         chunk = self._stream.read(size)
-        if self._is_at_start:
+        if self._chunk is None:
             self._check_encoding(chunk)
-            self._is_at_start = False
+        else:
+            self._line += self._chunk.count(b"\n")
+        self._chunk = chunk
         self._budget.spend("xml_bytes", len(chunk), self._name)
         self._check_tags(chunk)
         return chunk
@@ -185,9 +192,27 @@ class _CheckedBytes:
         declared = _DECLARED_ENCODING.match(beginning.removeprefix(_BOM))
         wide = beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in beginning[:4]
         if wide or (declared and declared[1].lower() not in _UTF8_NAMES):
-            raise BundleError(
-                "xml-encoding", "it is not UTF-8; save it as UTF-8", file=self._name, line=1
-            )
+            named = declared[1].decode("latin-1")[:_MAX_SAID] if declared else "UTF-16"
+            raise self._not_utf8(f"it is {shown_name(named)}", 1)
+
+    def refuse_other_encodings(self, line: int | None) -> None:
+        """Refuse a file that has bytes which are no UTF-8 on the line where the parser stopped."""
+        try:
+            codecs.getincrementaldecoder("utf-8")().decode(self._chunk or b"")
+        except UnicodeDecodeError as error:
+            odd = error.object[error.start]
+            if line == self._line + error.object.count(b"\n", 0, error.start):
+                raise self._not_utf8(
+                    f"the byte {odd:#04x} is no UTF-8; in Latin-1 it is {chr(odd)!r}", line
+                ) from None
+
+    def _not_utf8(self, problem: str, line: int | None) -> BundleError:
+        return BundleError(
+            "xml-encoding",
+            f"{problem}: save the file as UTF-8, and let its first line name no other encoding",
+            file=self._name,
+            line=line,
+        )
 
 
 class _Handler(ContentHandler):

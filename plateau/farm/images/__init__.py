@@ -1,4 +1,4 @@
 """Image files: EXR and PNG.
 
-How images are merged and judged is in `plateau.service.judging`.
+How images are merged and judged is in `plateau.picture`.
 """

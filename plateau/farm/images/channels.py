@@ -108,7 +108,7 @@ class Channels:
 
     @property
     def aovs(self) -> tuple[str, ...]:
-        """The channels beside colour, weight and alpha."""
+        """The channels besides colour, weight and alpha."""
         return tuple(self.names[self.judged :])
 
     @property

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.crops import windows
 from plateau.farm.images.layers import read_layer
-from plateau.farm.images.look import Look
 from plateau.farm.images.mattes import attributes_of
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.slices.zones import Zone
 
 # A render child, which cannot open the rules that specs know, reads films too.
 if TYPE_CHECKING:
-    from plateau.farm.model.spec.exr import Compression
+    from plateau.farm.model.spec.parts import Compression
 
 Pixels = NDArray[np.float32]
 #: The attributes of a file's header, by name.
@@ -65,8 +65,8 @@ class Partial:
     `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
     `renderer` is the renderer's name and version; older partials have "" there. The first slice of
-    a job whose scene has a view transform has it as `look`, and what an image's header is to say of
-    its Cryptomattes and of its place in a film as `header`.
+    a job has the scene's view transform as `transform`, and what an image's header is to say of its
+    Cryptomattes and of its place in a film as `header`.
     """
 
     job_id: str
@@ -81,7 +81,7 @@ class Partial:
     zones: tuple[Zone, ...] = ()
     border: int = 0
     renderer: str = ""
-    look: Look | None = None
+    transform: ViewTransform | None = None
     header: Attributes = field(default_factory=dict)
 
 
@@ -102,8 +102,8 @@ def encode_partial(partial: Partial) -> bytes:
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
     if partial.renderer:
         attributes[_RENDERER] = partial.renderer
-    if partial.look is not None:
-        attributes[_LOOK] = partial.look.as_text()
+    if partial.transform is not None:
+        attributes[_LOOK] = partial.transform.as_text()
     attributes |= partial.header
     pixels = partial.pixels
     if partial.zones:
@@ -129,7 +129,7 @@ def decode_partial(content: bytes) -> Partial:
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
-            look = Look.from_text(str(header[_LOOK])) if _LOOK in header else None
+            transform = ViewTransform.from_text(str(header[_LOOK])) if _LOOK in header else None
         job, index, first, last, spp, variant, scene = (
             of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
         )
@@ -147,7 +147,7 @@ def decode_partial(content: bytes) -> Partial:
         channels=channels,
         zones=zones,
         border=border,
-        look=look,
+        transform=transform,
         header=attributes_of(header),
         renderer=str(header.get(_RENDERER, "")),
     )

@@ -30,8 +30,8 @@ from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec, texts
-from plateau.farm.model.spec.allocation import LAG
 from plateau.farm.model.spec.notice import NoticeSpec
+from plateau.farm.model.spec.parts import LAG
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound

@@ -1,17 +1,11 @@
-"""Jobs in Redis: creating, reading, listing and steering them."""
+"""Jobs in Redis: creating, listing and steering them."""
 
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger import records
+from plateau.farm.ledger.job_reads import JobReads
 from plateau.farm.ledger.listing import Filter, jobs_before
-from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
-from plateau.farm.ledger.slice_log import slice_log
-from plateau.farm.ledger.totals import Census, take_census
-from plateau.farm.ledger.usage import usage
-from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.errors import (
     CannotFollow,
     IllegalTransition,
@@ -20,13 +14,9 @@ from plateau.farm.model.errors import (
     TooManyJobs,
     TooManyNeeds,
 )
-from plateau.farm.model.job import BEFORE_ALL_EVENTS, Again, CurvePoint, Event, Job, LogEntry
-from plateau.farm.model.slices.plan import Plan
-from plateau.farm.model.slices.rounds import Round
+from plateau.farm.model.job import Again, Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.model.usage import Grouping, Spent
-from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
@@ -57,11 +47,11 @@ def request_key(idempotency_key: str, owner: str) -> str:
     return f"{owner}:{idempotency_key}" if owner and idempotency_key else idempotency_key
 
 
-class Jobs:
+class Jobs(JobReads):
     """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
 
     def __init__(self, client: RedisClient) -> None:
-        self._redis = client
+        super().__init__(client)
         self._scripts = Scripts(client)
 
     def create(
@@ -159,32 +149,6 @@ class Jobs:
         """A page of the jobs that a `Filter` of these fields wants; see `jobs_before`."""
         return jobs_before(self._redis, Filter(**wanted), before=before, limit=limit)
 
-    def usage(
-        self, by: Grouping, *, since: datetime | None, until: datetime | None, limit: int
-    ) -> tuple[list[Spent], int, Spent]:
-        """What jobs have cost; see `plateau.farm.ledger.usage.usage`."""
-        return usage(self._redis, by, since=since, until=until, limit=limit)
-
-    def curve(self, job_id: str) -> list[CurvePoint]:
-        """The points of the job's curve, by rising spp."""
-        with unavailable_as_farm_error():
-            entries = self._redis.xrange(keys.job(job_id, "curve"))
-        return [records.curve_point(fields["point"], fields["at"]) for _, fields in entries]
-
-    def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
-        """The job's events after the event `after`."""
-        with unavailable_as_farm_error():
-            entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
-        return [records.event(event_id, fields) for event_id, fields in entries]
-
-    def story(self, job_id: str) -> tuple[str, ...]:
-        """Each transition of the job in words, with its time and its cause."""
-        return tuple(
-            f"{happening.at:%Y-%m-%d %H:%M:%S} {happening.data['to']}: {happening.data['reason']}"
-            for happening in self.events(job_id)
-            if happening.type == "state"
-        )
-
     def cancel(self, job_id: str, reason: str = "cancelled by a user") -> Job:
         """Cancel the job; cancelling it again is harmless.
 
@@ -238,73 +202,6 @@ class Jobs:
             raise JobEnded(job_id, moved.state, self.story(job_id))
         return self.get(job_id)
 
-    def results(self, job_id: str) -> str:
-        """The blob prefix of the job's last results; "" where it has none yet."""
-        with unavailable_as_farm_error():
-            return self._redis.hget(keys.job(job_id), "results") or ""
-
-    def sha256(self, blob: str) -> str | None:
-        """The SHA-256 of a job's result or preview; None where the blob went."""
-        job_id, name = blobs.in_job(blob)
-        with unavailable_as_farm_error():
-            sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
-        return sha256
-
-    def checkpoint(self, job_id: str) -> Checkpoint | None:
-        """The job's last checkpoint, if it is kept."""
-        return checkpoint_of(self._redis, job_id)
-
-    def plan(self, job: Job) -> Plan:
-        """What each slice of the job has, as far as it is decided."""
-        stored: list[str] = []
-        if job.spec.by_zones:
-            with unavailable_as_farm_error():
-                stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
-        has_looks = job.spec.is_denoised and not job.spec.by_zones
-        points = self.curve(job.id) if has_looks else []
-        return Plan.of(
-            job.spec,
-            job.width,
-            job.height,
-            map(Round.from_json, stored),
-            [(point.spp, point.expected_spp) for point in points],
-        )
-
-    def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
-        """Each committed slice's record, by index, in order."""
-        with unavailable_as_farm_error():
-            return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
-
-    def log(self, job_id: str) -> list[LogEntry]:
-        """How each try of a slice ended, by time: the newest 2000 or so with a log entry."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            pipe.xrange(keys.job(job_id, "log"))
-            pipe.hgetall(keys.job(job_id, "ledger"))
-            entries, committed = pipe.execute()
-        return slice_log((fields for _, fields in entries), records.ledger(committed))
-
-    def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
-        """One slice's record in the ledger, if it has one, and how each try of it ended."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            pipe.xrange(keys.job(job_id, "log"))
-            pipe.hget(keys.job(job_id, "ledger"), str(index))
-            entries, record = pipe.execute()
-        ledger = records.ledger({} if record is None else {str(index): record})
-        written = (fields for _, fields in entries if fields["slice"] == str(index))
-        return ledger.get(index), slice_log(written, ledger)
-
-    def workers(self, within_s: float = ALIVE_S) -> list[Worker]:
-        """The workers that sent a heartbeat in the last `within_s` seconds."""
-        with unavailable_as_farm_error():
-            now = self.now_ms()
-            alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
-            pipe = self._redis.pipeline(transaction=False)
-            for worker_id in alive:
-                pipe.hgetall(keys.worker(worker_id))
-            return [records.worker(fields, now) for fields in pipe.execute() if fields]
-
     def places(self) -> dict[str, int]:
         """The place of each queued job, from 1: by priority, then by age.
 
@@ -317,16 +214,8 @@ class Jobs:
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds, which all processes go by."""
-        return now_ms(self._redis)
-
-    def census(self, *, from_priority: int | None = None) -> Census:
-        """The whole farm's work, done and to do; demand counts jobs of this priority or above."""
-        return take_census(self._scripts, from_priority=from_priority)
-
-    def ping(self) -> None:
-        """Return if Redis answers; raise `StoreUnavailable` otherwise."""
         with unavailable_as_farm_error():
-            self._redis.ping()
+            return now_ms(self._redis)
 
     def _move(self, target: JobState, job_id: str, command: Command[Moved]) -> Job:
         """Run a user's command that moves the job, and return the job."""

@@ -19,7 +19,7 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 #: Jobs of an index that are filtered together.
-_LOOKED_AT: Final = 500
+_AT_ONCE: Final = 500
 
 #: A job of an index, and its number of creation.
 _Row = tuple[str, float]
@@ -45,7 +45,7 @@ def jobs_before(
     """
     index, fields = _index(wanted)
     found: list[Job] = []
-    asked = _LOOKED_AT if fields or wanted.search else limit
+    asked = _AT_ONCE if fields or wanted.search else limit
     with unavailable_as_farm_error():
         while True:
             rows: list[_Row] = client.zrevrangebyscore(
@@ -74,7 +74,7 @@ def jobs_before(
                 return found, None
             if len(found) >= limit:
                 return found, before
-            asked = _LOOKED_AT
+            asked = _AT_ONCE
 
 
 def _index(wanted: Filter) -> tuple[str, dict[str, str]]:
@@ -150,7 +150,7 @@ def _has(text: str, words: Sequence[str]) -> bool:
 
 
 def _text(job_id: str, fields: dict[str, str | None], words: Sequence[str]) -> str:
-    """What a search looks at beside the owner: a job's id, its names, its batch and its tags."""
+    """What a search looks at besides the owner: a job's id, its names, its batch and its tags."""
     if not words:
         return ""
     try:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
@@ -19,7 +19,7 @@ from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import EndedBy, JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.command import Answer
+from plateau.farm.redis.commands.command import Reply
 from plateau.farm.redis.commands.jobs import DecidedRound, End
 from plateau.farm.redis.commands.owners import (
     Abandon,
@@ -298,7 +298,7 @@ class Ownerships:
         """Note that Redis has lost the job: it needs no monitor any more."""
         self._checked(Abandon(job=owned.job_id, token=owned.token))
 
-    def _checked(self, command: OwnerCommand[Answer]) -> Answer:
+    def _checked(self, command: OwnerCommand[Reply]) -> Reply:
         answer = self._scripts.run(command)
         if answer in {"fenced", None}:
             raise FenceLost(command.job)

@@ -6,7 +6,7 @@ blob. For a Redis that lost its data, all results would belong to no job.
 
 import secrets
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore

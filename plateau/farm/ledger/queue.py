@@ -7,7 +7,7 @@ from enum import Enum
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.ledger.workers import ALIVE_S
-from plateau.farm.model.fit import Kind
+from plateau.farm.model.fit import WorkerClass
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
@@ -15,8 +15,8 @@ from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
+from plateau.farm.redis.commands.members import Heartbeat, LeaseName, Leave
 from plateau.farm.redis.commands.slices import Commit, Died, Fail, Glimpse, HandBack, Offer
-from plateau.farm.redis.commands.workers import Heartbeat, LeaseName, Leave
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -119,7 +119,7 @@ class SliceQueue:
             offer = self._scripts.run(
                 commands.Lease(
                     worker=self._worker,
-                    kind=Kind(variants, self._pool, self._tags).text,
+                    kind=WorkerClass(variants, self._pool, self._tags).text,
                     loaded=loaded_job or "",
                     in_turn=in_turn,
                     lease_ms=self._lease_ms,

@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import Again, CurvePoint, Event, Job, Notice, moment
@@ -116,6 +116,8 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
         *("estimate_undetermined", "non_finite_pixels", "forecast_spp", "expected_spp"),
     )
+    saved = int(fields.get("samples_saved", 0))
+    cap = spec.max_spp * int(width or 0) * int(height or 0)
     return Job(
         id=fields["id"],
         name=fields["name"],
@@ -143,7 +145,8 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         forecast_s=_seconds_to(latest.get("forecast_spp"), latest, fields),
         expected_s=_seconds_to(latest.get("expected_spp"), latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
-        samples_saved=int(fields.get("samples_saved", 0)),
+        samples_saved=saved,
+        saved_fraction=saved / cap if saved and cap else 0.0,
         machine_s=int(fields["machine_ms"]) / 1000,
         core_hours=core_hours(fields),
         saved_core_hours=saved_core_hours(fields, spec.slice_spp),

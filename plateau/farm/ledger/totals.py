@@ -125,13 +125,13 @@ class Census:
 
 
 def take_census(
-    scripts: Scripts, within_s: float = 15.0, *, from_priority: int | None = None
+    client: RedisClient, within_s: float = 15.0, *, from_priority: int | None = None
 ) -> Census:
     """Count the farm; workers without a heartbeat for `within_s` are left out.
 
     Jobs of a priority below `from_priority` are counted, but are no demand.
     """
-    found = scripts.run(
+    found = Scripts(client).run(
         commands.Census(alive_ms=round(within_s * 1000), least_priority=from_priority)
     )
     totals, oldest = found.totals, found.oldest

@@ -1,4 +1,4 @@
-"""The troubles of a farm that its operator is told of: each once, until it is over."""
+"""The troubles of a farm that its operator is notified of: each once, until it is over."""
 
 import socket
 from collections import Counter
@@ -6,16 +6,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.totals import take_census
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.fit import Crew, waits_for
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
+from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 
-#: How many jobs without a worker are looked at.
-_LOOKED_AT: Final = 50
+#: How many jobs without a worker are read.
+_MOST_READ: Final = 50
 #: A worker that failed so often in a row is a trouble.
 _MANY: Final = 3
 #: What is written to see whether the blob store is full.
@@ -34,8 +38,8 @@ class Trouble:
 
 def of_farm(client: RedisClient) -> list[Trouble]:
     """What all monitors see: jobs without a worker, and workers that fail."""
-    jobs = Jobs(client)
-    return [*_unserved(jobs), *_workers(jobs)]
+    workers = Workers(client).living()
+    return [*_unserved(client, Crew(workers)), *_failing(workers)]
 
 
 def of_store(store: Blobs) -> list[Trouble]:
@@ -50,11 +54,11 @@ def of_store(store: Blobs) -> list[Trouble]:
     return []
 
 
-def _unserved(jobs: Jobs) -> list[Trouble]:
-    crew = Crew(jobs.workers())
+def _unserved(client: RedisClient, crew: Crew) -> list[Trouble]:
+    jobs = Jobs(client)
     waiting: dict[str, Trouble] = {}
     counted: Counter[str] = Counter()
-    for job_id in jobs.census().unserved[:_LOOKED_AT]:
+    for job_id in take_census(client).unserved[:_MOST_READ]:
         job = jobs.get(job_id)
         words = waits_for(job, crew)
         if words is not None:
@@ -70,10 +74,10 @@ def _unserved(jobs: Jobs) -> list[Trouble]:
     ]
 
 
-def _workers(jobs: Jobs) -> list[Trouble]:
+def _failing(workers: list[Worker]) -> list[Trouble]:
     """Those that take no work, or fail again and again; one a machine."""
     found = {}
-    for worker in jobs.workers():
+    for worker in workers:
         words = f"takes no work: {worker.trouble}" if worker.trouble else None
         if words is None and worker.failures >= _MANY:
             words = f"failed {worker.failures} times in a row, at last so: {worker.last_error}"
@@ -84,7 +88,7 @@ def _workers(jobs: Jobs) -> list[Trouble]:
 
 
 class ToldTroubles:
-    """Remembers in Redis who was told of what. Raises `StoreUnavailable` when it is away."""
+    """Remembers in Redis who was notified of what. Raises `StoreUnavailable` when it is away."""
 
     def __init__(self, client: RedisClient, patience_s: float, lease_s: float) -> None:
         self._scripts = Scripts(client)
@@ -110,7 +114,7 @@ class ToldTroubles:
         return due
 
     def told(self, field: str) -> None:
-        """Note that a trouble was told."""
+        """Note that someone was notified of a trouble."""
         self._scripts.run(NoteTold(trouble=field))
 
 

@@ -1,10 +1,14 @@
-"""Drains workers, which then take no more work, and resumes them."""
+"""The workers that live; they are drained, so that they take no more work, and resumed."""
 
 from typing import Final
 
+from plateau.farm.ledger import records
 from plateau.farm.model.errors import WorkerNotFound
+from plateau.farm.model.worker import Worker
+from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
+from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 #: A worker lives for this long after its last heartbeat.
@@ -17,6 +21,16 @@ class Workers:
     def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
+
+    def living(self, within_s: float = ALIVE_S) -> list[Worker]:
+        """The workers that sent a heartbeat in the last `within_s` seconds."""
+        with unavailable_as_farm_error():
+            now = now_ms(self._redis)
+            alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
+            pipe = self._redis.pipeline(transaction=False)
+            for worker_id in alive:
+                pipe.hgetall(keys.worker(worker_id))
+            return [records.worker(fields, now) for fields in pipe.execute() if fields]
 
     def drain(self, worker_id: str) -> None:
         """Give the worker no more slices; it finishes those that it has. Harmless to repeat.

@@ -1,4 +1,4 @@
-"""Arbitrary output variables (AOVs): what a job may ask for beside colour, and as which channels.
+"""Arbitrary output variables (AOVs): what a job may ask for besides colour, and as which channels.
 
 A renderer need not have all of them. Which ones it has is in its package in
 `plateau.worker.renderers`; a scene that asks for another is refused there.

@@ -20,6 +20,7 @@
     │   └── NotPermitted       Redis does not permit a command to this process's user
     ├── WrongStore         the blob store does not belong to this Redis, or cannot be one
     ├── Incompatible       the data in Redis has another layout than this Plateau's
+    ├── InvalidSpec        a field of a spec is unknown, or its value is not allowed
     ├── FilesDiffer        this machine does not have the files of a scene root that a job names
     └── CorruptBlob        a blob does not match its name
         └── CorruptPartial     a partial does not match its ledger record
@@ -129,7 +130,7 @@ class TooManyJobs(FarmError):
             f"the key has {open_jobs:,} jobs that have not ended, and may have {most:,}"
         )
         self.open_jobs = open_jobs
-        self.most = most
+        self.limit = most
 
 
 class TooManyNeeds(FarmError):
@@ -188,6 +189,10 @@ class Incompatible(FarmError):
                 "PLATEAU_REDIS_URL or PLATEAU_DATA to a Redis or a folder that only Plateau uses"
             )
         super().__init__(f"{why}. Nothing was changed")
+
+
+class InvalidSpec(FarmError, ValueError):
+    """A field of a spec is unknown, or has a value that is not allowed."""
 
 
 class FilesDiffer(FarmError):

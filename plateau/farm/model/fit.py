@@ -21,7 +21,7 @@ ANY: Final = "auto"
 
 
 @dataclass(frozen=True)
-class Kind:
+class WorkerClass:
     """The variants, pool and tags of a worker."""
 
     variants: tuple[str, ...]  #: best first
@@ -30,7 +30,7 @@ class Kind:
 
     @property
     def text(self) -> str:
-        """The kind as Redis has it."""
+        """The class as Redis has it."""
         return f"{self.pool} {','.join(self.variants)} {','.join(sorted(self.tags))}"
 
     def serves(self, job: Job) -> bool:
@@ -56,22 +56,23 @@ class Crew:
         self._workers = [
             worker for worker in workers if not worker.drained and worker.trouble is None
         ]
-        self._kinds = Counter(map(_kind, self._workers))
+        self._classes = Counter(map(_class_of, self._workers))
 
     def fitting(self, job: Job) -> int:
         """How many of them may render the job."""
-        every = sum(count for kind, count in self._kinds.items() if kind.serves(job))
+        every = sum(count for one, count in self._classes.items() if one.serves(job))
         return every - self.left_out(job)
 
     def left_out(self, job: Job) -> int:
         """How many others could, but are left out of it for a while."""
         return sum(
-            job.id in worker.left_out_of and _kind(worker).serves(job) for worker in self._workers
+            job.id in worker.left_out_of and _class_of(worker).serves(job)
+            for worker in self._workers
         )
 
 
-def _kind(worker: Worker) -> Kind:
-    return Kind(worker.variants, worker.pool, worker.tags)
+def _class_of(worker: Worker) -> WorkerClass:
+    return WorkerClass(worker.variants, worker.pool, worker.tags)
 
 
 def waits_for(job: Job, crew: Crew) -> str | None:

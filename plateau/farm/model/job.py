@@ -217,6 +217,9 @@ class Job(_Record):
         "wasted ones too, but those that were lost with their worker; time counted by an older "
         "Plateau is that of one thread",
     )
+    saved_fraction: float = Field(
+        0.0, description="`samples_saved` over the samples of the cap, in [0, 1)"
+    )
     saved_core_hours: float = Field(
         0.0,
         description="core hours that `samples_saved` would have cost at the job's mean rate, an "
@@ -263,13 +266,6 @@ class Job(_Record):
     def duration_s(self, now: datetime) -> float:
         """Seconds from its submission to its end, or until `now`: waits and pauses count."""
         return max(0.0, ((self.ended_at or now) - self.created_at).total_seconds())
-
-    @property
-    def saved_fraction(self) -> float:
-        """`samples_saved` over the samples of the cap, in [0, 1)."""
-        if not self.samples_saved or self.width is None or self.height is None:
-            return 0.0
-        return self.samples_saved / (self.spec.max_spp * self.width * self.height)
 
 
 #: An `Event.id` before those of all events.

@@ -18,7 +18,7 @@ _SAMPLE_NUMBERS = 2**31
 MOST_SLICE_SPP = 512
 
 #: Samples in the first pass of a job, whose film is shown while the others render.
-FIRST_LOOK_SAMPLES = 2**18
+GLIMPSE_SAMPLES = 2**18
 
 
 def single_call_passes(slice_spp: int, largest: int) -> tuple[int, ...]:
@@ -82,8 +82,8 @@ def passes_in_parts(slice_spp: int, pixels: int, *, is_first: bool) -> tuple[int
     (50, 50)
     """
     largest = min(LARGEST_SPP, _SAMPLE_NUMBERS // pixels)
-    look = min(largest, _floor_power_of_two(max(1, FIRST_LOOK_SAMPLES // pixels)))
-    first = (look,) if is_first and 2 * look <= slice_spp else ()
+    glimpse = min(largest, _floor_power_of_two(max(1, GLIMPSE_SAMPLES // pixels)))
+    first = (glimpse,) if is_first and 2 * glimpse <= slice_spp else ()
     rest = slice_spp - sum(first)
     count = -(-rest // largest)
     each, more = divmod(rest, count)

@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 GROUP: Final = "plateau.renderers"
 #: The renderer whose variants have short names, and whose ``auto`` its first worker decides.
 MITSUBA: Final = "mitsuba"
+#: Why other variants than scalar ones cannot render a scene.
+WHOLE: Final = (
+    "the integrator 'stokes' renders whole films alone, which the farm leaves to Mitsuba in scalar "
+    "variants: choose the variant scalar_spectral_polarized, or take the integrator inside it"
+)
 #: The variant of a job that names none.
 AUTO: Final = "auto"
 
@@ -159,16 +164,19 @@ def renderer_of(variant: str) -> RendererFacts:
     return renderers()[variant_named(variant).renderer]
 
 
-def variant_for(asked: str, renderer: str) -> str:
+def variant_for(asked: str, renderer: str, *, is_whole: bool = False) -> str:
     """Return the variant of a job of this renderer's scene, by the variant asked for.
 
     Mitsuba's ``auto`` stays: the first worker decides. For other renderers it is their first one.
+    A scene that `is_whole` needs a scalar variant.
 
     Raises
     ------
     ValueError
-        It is a variant of another renderer; the message says what to do.
+        It cannot render the scene; the message says what to do.
     """
+    if is_whole and (asked == AUTO or variants()[asked].seeds != "scalar"):
+        raise ValueError(WHOLE)
     own = [name for name, known in variants().items() if known.renderer == renderer]
     if asked == AUTO:
         return AUTO if renderer == MITSUBA else own[0]

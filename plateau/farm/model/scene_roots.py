@@ -4,6 +4,7 @@ A root has one name everywhere, and on each machine the path under which that ma
 file in it is called ``{NAME}/PATH``.
 """
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -44,6 +45,11 @@ class SceneRoot:
             if is_inside:
                 return given[len(here) + 1 :]
         return None
+
+
+def at_home(path: str | os.PathLike[str]) -> Path:
+    """A path, with the home folder in place of a ``~`` as a shell puts it."""
+    return Path(os.path.expanduser(path))  # noqa: PTH111 - the other one fails without that folder
 
 
 def is_windows(path: str) -> bool:
@@ -101,6 +107,7 @@ def read_roots(text: str) -> tuple[SceneRoot, ...]:
             raise ValueError(
                 f"{entry!r} must be NAME=PATH with a new name of up to 31 letters, digits, _ and -"
             )
+        here = str(at_home(here))
         if not here.startswith("/"):
             raise ValueError(f"the path of the root {name} must be absolute, and not / itself")
         for other in elsewhere:

@@ -4,21 +4,18 @@ No signal ends such a wait, so the thread can do nothing about it. Another one c
 its work.
 """
 
-import signal
 import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
 
-from plateau.farm.process.lifecycle import die_with_parent
+from plateau.farm.process import disk_probe
+from plateau.farm.process.child import HANGS, start
 
 #: A thread that has been in one wait for so long hangs. A sync of a busy disk may take ten seconds.
 HUNG_S: Final = 30.0
-#: What is wrong with it, in words.
-HANGS: Final = "it waits for a disk, a network mount or a device that does not answer"
 
 #: Share of `HUNG_S` after which a folder is tested; the test has to hang for as long.
 _DOUBT: Final = 1 / 3
@@ -32,7 +29,7 @@ class DiskTest:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._writing: subprocess.Popen[str] | None = None
+        self._writing: subprocess.Popen[bytes] | None = None
         self._since_s = 0.0
 
     def trouble(self, within_s: float) -> str | None:
@@ -49,8 +46,9 @@ class DiskTest:
         except subprocess.TimeoutExpired:
             return f"cannot write into {self._folder}: {HANGS}"
         self._writing = None
-        failed = writing.returncode != 0
-        return words.strip() or f"cannot write into {self._folder}" if failed else None
+        if writing.returncode == 0:
+            return None
+        return words.decode(errors="replace").strip() or f"cannot write into {self._folder}"
 
     def hangs(self, after_s: float, *, begin: bool) -> bool:
         """Return at once whether a test runs for longer than this; if none runs, `begin` one."""
@@ -63,15 +61,10 @@ class DiskTest:
             return False
         return time.monotonic() > self._since_s + after_s
 
-    def _begin(self) -> subprocess.Popen[str]:
+    def _begin(self) -> subprocess.Popen[bytes]:
         self._since_s = time.monotonic()
-        self._writing = subprocess.Popen(
-            [sys.executable, "-s", "-m", "plateau.farm.process.disk_probe", self._folder],
-            stdin=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            preexec_fn=die_with_parent(signal.SIGKILL),
+        self._writing = start(
+            disk_probe.__name__, self._folder, user_site=False, stderr=subprocess.PIPE
         )
         return self._writing
 
@@ -128,7 +121,7 @@ class Hang:
     def _uninterruptible_wait(self) -> str | None:
         """Return the number of the thread's wait, if it is in one that no signal ends."""
         with suppress(OSError):
-            lines = self._status.read_text().splitlines()
+            lines = self._status.read_text(encoding="utf-8").splitlines()
             told = dict(line.split(":", 1) for line in lines)
             if told["State"].split()[0] == "D":
                 return told["voluntary_ctxt_switches"].strip()

@@ -1,6 +1,7 @@
 """Supervised and confined processes.
 
-Signs of life, children that end with their parent, resource limits, and protected memory.
+Signs of life, children that end with their parent, resource limits, protected memory, and the
+functions of the C library that Python lacks.
 """
 
 import contextlib
@@ -16,8 +17,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from plateau.farm.process import libc
-
 _LOG = logging.getLogger(__name__)
 
 #: The environment of a process that may know no secrets, neither Plateau's nor a cloud's.
@@ -25,6 +24,16 @@ _PLAIN = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PAT
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_DUMPABLE = 4
+
+
+def c_call(function: str, *arguments: object, what: str = "") -> int:
+    """Call the function; `OSError`, which calls it `what`, where its answer is negative."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    answer: int = getattr(libc, function)(*arguments)
+    if answer < 0:
+        code = ctypes.get_errno()
+        raise OSError(code, f"{what or function}: {os.strerror(code)}")
+    return answer
 
 
 def process_id() -> str:
@@ -75,7 +84,7 @@ def shut_memory() -> None:
     """
     if not sys.platform.startswith("linux"):
         raise OSError(errno.ENOSYS, f"there is no way to on {sys.platform}")
-    libc.call("prctl", _PR_SET_DUMPABLE, 0, 0, 0, 0)
+    c_call("prctl", _PR_SET_DUMPABLE, 0, 0, 0, 0)
 
 
 def forget_life(file: Path | None) -> None:

@@ -6,11 +6,18 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    SecretStr,
+    ValidationInfo,
+    field_validator,
+)
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
-from plateau.farm.model.scene_roots import SceneRoot, read_roots, root_tag
+from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots, root_tag
 
 LogFormat = Literal["text", "json"]
 
@@ -27,8 +34,9 @@ _MOST_GB: Final = 2.0**20
 
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
+_Path = Annotated[Path, AfterValidator(at_home)]
 #: A file; "" means none, so that the setting can be undone for one process.
-_File = Annotated[Path | None, BeforeValidator(lambda given: None if given == "" else given)]
+_File = Annotated[_Path | None, BeforeValidator(lambda given: None if given == "" else given)]
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
@@ -49,11 +57,11 @@ class Settings(BaseSettings):
     redis_key: _File = None
     redis_sentinel_password_file: _File = None
     blobs: str | None = None
-    data: Path = _DIRS.user_data_path
-    cache: Path = _DIRS.user_cache_path
+    data: _Path = _DIRS.user_data_path
+    cache: _Path = _DIRS.user_cache_path
     url: str = "http://127.0.0.1:8713"
     key: SecretStr | None = None
-    key_file: Path | None = None
+    key_file: _Path | None = None
     key_requests_per_minute: float = Field(1200.0, gt=0, le=1e6)
     key_burst: int = Field(200, ge=1, le=1_000_000)
     key_upload_gb: float | None = Field(None, gt=0, le=_MOST_GB)
@@ -82,7 +90,7 @@ class Settings(BaseSettings):
     notify: Annotated[Tags, NoDecode] = ()
     notify_troubles: Annotated[Tags, NoDecode] = ()
     trouble_after_s: float = Field(120.0, ge=0, le=_DAY_S)
-    alive_file: Path | None = None
+    alive_file: _Path | None = None
     label: str | None = Field(None, max_length=200)
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
     log_format: LogFormat = "text"

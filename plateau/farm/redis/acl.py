@@ -110,7 +110,7 @@ _API: Final = (
 )
 _READ_BY_API: Final = (keys.API_KEYS,)
 
-#: The commands of a worker beside its scripts, to listen and to check schema and pairing.
+#: The commands of a worker besides its scripts, to listen and to check schema and pairing.
 _WORKER_COMMANDS: Final = (
     *("evalsha", "time", "get", "hmget", "zscore"),
     *("subscribe", "unsubscribe", "ping", "select", "acl|whoami"),

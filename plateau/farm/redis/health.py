@@ -8,10 +8,15 @@ from urllib.parse import urlsplit
 import redis
 
 from plateau.farm.model.errors import FarmError, NotPermitted
-from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
-from plateau.farm.redis.url import BadRedisUrl, sentinels_of, uses_tls, without_password
+from plateau.farm.redis.url import (
+    BadRedisUrl,
+    is_loopback,
+    sentinels_of,
+    uses_tls,
+    without_password,
+)
 
 _OLDEST: Final = (6, 2)
 _RESTRICTED: Final = "plateau-"

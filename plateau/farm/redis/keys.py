@@ -141,7 +141,7 @@ MOST_NEEDS: Final = 64
 #: The consumer group of every job's slices.
 GROUP: Final = "workers"
 
-#: The keys of a job beside its hash.
+#: The keys of a job besides its hash.
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     *("curve", "events", "log", "sealed", "digests"),

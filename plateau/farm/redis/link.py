@@ -85,6 +85,12 @@ def open_link(url: str, client: Any, sentinel: Any, options: dict[str, Any]) -> 
     return manager.master_for(sentinels.service, **(options | sentinels.options))
 
 
+def ping(client: RedisClient) -> None:
+    """Return if Redis answers; raise `StoreUnavailable` otherwise."""
+    with unavailable_as_farm_error():
+        client.ping()
+
+
 def now_ms(client: RedisClient) -> int:
     """Redis's clock in milliseconds, which all processes go by."""
     seconds, microseconds = client.time()

@@ -25,7 +25,7 @@ from plateau.farm.model.errors import Incompatible, NotPermitted, StoreUnavailab
 from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.command import Answer, Command
+from plateau.farm.redis.commands.command import Command, Reply
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
@@ -60,7 +60,7 @@ def _moves_in_lua() -> str:
 
 def _part(name: str) -> str:
     """The text of a file, in a block that keeps its locals."""
-    return f"do\n{(_LUA / f'{name}.lua').read_text()}end\n"
+    return f"do\n{(_LUA / f'{name}.lua').read_text(encoding='utf-8')}end\n"
 
 
 def library() -> str:
@@ -70,7 +70,7 @@ def library() -> str:
             f"local LAYOUT = '{versions.LAYOUT}'\n",
             keys.LUA,
             _moves_in_lua(),
-            (_LUA / "base.lua").read_text(),
+            (_LUA / "base.lua").read_text(encoding="utf-8"),
             f"local {', '.join(_NAMESPACES)} = {', '.join('{}' for _ in _NAMESPACES)}\n",
             *map(_part, _NAMESPACES.values()),
         )
@@ -83,7 +83,7 @@ def _commands(subjects: Iterable[str]) -> str:
 
 def for_workers() -> str:
     """All Lua that runs for a worker."""
-    return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text()
+    return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text(encoding="utf-8")
 
 
 @cache
@@ -100,7 +100,7 @@ def text(more: str = "") -> str:
                 for one in _FOR_FARM
             ),
             f"subjects[#subjects + 1] = function()\n{more}end\n" if more else "",
-            (_LUA / "dispatch.lua").read_text(),
+            (_LUA / "dispatch.lua").read_text(encoding="utf-8"),
         )
     )
 
@@ -134,7 +134,7 @@ class Scripts:
         self._text = text(more)
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
-    def run(self, command: Command[Answer]) -> Answer:
+    def run(self, command: Command[Reply]) -> Reply:
         """Run the command and return its answer.
 
         Raises
@@ -151,9 +151,9 @@ class Scripts:
             except redis.exceptions.NoScriptError:
                 self._load()
                 text = self._redis.evalsha(*self._said(command))
-        return command.read_answer(text)
+        return command.read_reply(text)
 
-    def run_each(self, commands: Sequence[Command[Answer]]) -> list[Answer]:
+    def run_each(self, commands: Sequence[Command[Reply]]) -> list[Reply]:
         """Run the commands in one round trip and return their answers; raises as `run` does.
 
         Other clients' commands may run between them.
@@ -164,7 +164,7 @@ class Scripts:
             for command in commands:
                 pipe.evalsha(*self._said(command))
             texts: list[str] = pipe.execute()
-        return [command.read_answer(text) for command, text in zip(commands, texts, strict=True)]
+        return [command.read_reply(text) for command, text in zip(commands, texts, strict=True)]
 
     def _said(self, command: Command[Any]) -> tuple[str, int, str, str]:
         return self._sha1, 0, command.lua_name(), command.as_json()

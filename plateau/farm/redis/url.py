@@ -16,7 +16,7 @@ A URL may hold a password, so errors repeat no part of it except names of files.
 
 import re
 from dataclasses import dataclass, replace
-from ipaddress import IPv6Address
+from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import parse_qsl, quote, unquote, urlencode
@@ -183,3 +183,15 @@ def _unreadable() -> BadRedisUrl:
         "cannot be read; in a password, all but letters, digits and -._~ is written as % and two "
         "hexadecimal digits"
     )
+
+
+def is_loopback(host: str) -> bool:
+    """Whether this name or address, without a port, can only mean this machine."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        if host.startswith("[") and host.endswith("]"):
+            return IPv6Address(host[1:-1]).is_loopback
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -4,7 +4,7 @@ import time
 from typing import Any, Final
 
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.stop import Stop, await_any
+from plateau.farm.process.waits import Stop, await_any
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 

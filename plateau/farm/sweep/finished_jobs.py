@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.redis import keys

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from itertools import groupby
 
 from plateau.extensions import extensions
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger import records
 from plateau.farm.ledger.ownership import Checkpoint

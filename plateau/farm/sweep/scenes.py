@@ -25,7 +25,7 @@ import time
 from collections.abc import Collection
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone

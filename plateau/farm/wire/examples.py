@@ -3,8 +3,6 @@
 import hashlib
 from typing import Any, Final
 
-NOT_JSON: Final = "the body is not JSON; send one JSON value, in UTF-8, as /docs shows it"
-
 JOB_ID: Final = "3b52dbb3a017"
 KEY_ID: Final = "c81e5a0f93d2"
 EVENT_ID: Final = "1795252332826-0"
@@ -180,6 +178,7 @@ PREVIEW: Final[dict[str, Any]] = {
 JOB: Final[dict[str, Any]] = {
     "id": JOB_ID,
     "name": "sphere.xml",
+    "title": "sphere.xml width=256 height=256",
     "owner": KEY_ID,
     "owner_name": "nightly",
     "state": "rendering",
@@ -205,6 +204,7 @@ JOB: Final[dict[str, Any]] = {
     "expected_spp": 1300,
     "expected_s": 15.3,
     "samples_saved": 0,
+    "saved_fraction": 0.0,
     "machine_s": 10.4,
     "core_hours": 0.023111111,
     "saved_core_hours": 0.0,
@@ -212,6 +212,7 @@ JOB: Final[dict[str, Any]] = {
     "second_tries": 1,
     "waits_for": None,
     "queue_place": None,
+    "time_left": "about 15 s left",
     "fitting_workers": 3,
     "created_at": _CREATED,
     "started_at": _STARTED,
@@ -245,75 +246,3 @@ METRICS: Final = (
     "# TYPE plateau_jobs gauge\n"
     'plateau_jobs{state="rendering"} 1.0\n'
 )
-
-#: What a problem of each type may say.
-PROBLEM_DETAILS: Final[dict[str, str]] = {
-    "malformed-request": NOT_JSON,
-    "foreign-host": "the request is addressed to 'farm.example'; without API keys, this service "
-    "answers its own machine only, as localhost, 127.0.0.1 or [::1]; once `plateau keys create "
-    "NAME` has made a key, it answers under any name",
-    "foreign-origin": "a page of 'https://example.org' made this request; only the API's own "
-    "pages may",
-    "no-key": "this service needs an API key, in the header Authorization: Bearer KEY; plateau's "
-    "commands take it from PLATEAU_KEY or PLATEAU_KEY_FILE, its Python client as Client(key=…), "
-    "and `plateau keys create NAME`, where the service runs, makes one",
-    "bad-key": "the service does not know this key, or it was revoked; check PLATEAU_KEY, or ask "
-    "who runs the service for another: `plateau keys create NAME` makes one",
-    "role-too-low": "this needs a key with the role submitter, and the key 'web page' has the "
-    "role viewer; "
-    "`plateau keys create NAME --role submitter` makes one",
-    "not-your-job": f"job {JOB_ID} belongs to another key; only that key, or one with the role "
-    "admin, may change it",
-    "unknown-path": "nothing is served at /problems/none; /docs lists what is",
-    "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
-    "unknown-worker": f"there is no worker {_WORKER!r}; GET /v1/workers lists those there are",
-    "no-shot": "the batch 'exposures' is no shot: submit its frames with `shot`",
-    "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
-    "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
-    f"slice, which GET {_ROOT}/events announces",
-    "unknown-point": f"job {JOB_ID} has no point at 130 spp: they are 100 spp apart, up to 400; "
-    f"GET {_ROOT}/previews lists the pictures there are",
-    "cannot-merge": f"job {JOB_ID} keeps no picture of 300 spp, and did not keep its slices; "
-    f"GET {_ROOT}/previews lists the pictures there are",
-    "busy": "many scenes are being checked already; try again in 2 s",
-    "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
-    "says keep_slices",
-    "not-acceptable": "the answer comes as application/json or text/csv, and Accept is 'image/png'",
-    "method-not-allowed": "/v1/jobs does not take DELETE; /docs says what it takes",
-    "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
-    "one can have a lower priority",
-    "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
-    "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
-    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be deleted "
-    "or rendered again: cancel it first",
-    "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
-    "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
-    "sets the limit",
-    "not-multipart": "the body is application/json; send multipart/form-data with the parts scene "
-    "and spec, as curl -F scene=@scene.zip -F 'spec={}' does",
-    "invalid-request": "limit: must be at most 200",
-    "invalid-spec": "spec.max_spp: must be at least 1",
-    "no-scene": "send a scene or a zip of one as the part scene, the name of a scene in a scene "
-    "root as the part scene_path, or the SHA-256 of a stored scene as the part scene_sha256",
-    "unknown-scene": f"no scene {SCENE_SHA256} is stored here; send the file itself as the part "
-    "scene",
-    "broken-scene": "scene.xml, line 7: the file meshes/wall.ply is not in the bundle",
-    "idempotency-key-reused": f"the Idempotency-Key '{IDEMPOTENCY_KEY}' made job {JOB_ID} from "
-    "another scene or spec; use a new key for a new request",
-    "too-many-requests": "the key 'nightly' may make 1200 requests a minute, and 200 at once; try "
-    "again in 1 s",
-    "too-many-scenes": "the key 'nightly' has stored 53,000,000,000 bytes of scenes and may store "
-    "53,687,091,200; this one has 900,000,000; ask who runs the service to remove unused ones "
-    "(`plateau gc --scenes-unused-for DAYS`)",
-    "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
-    "to end, or cancel one",
-    "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags, "
-    "which is the most that a farm takes; wait for some to end, or ask for a "
-    "combination that others have",
-    "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
-    "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
-    "spoiled-file": f"what was stored as jobs/{JOB_ID}/results/0000400-7-final/image.exr is "
-    "damaged or lost, and what is kept of its job does not suffice to make it again; restore that "
-    "blob from a backup, or render the scene again",
-    "store-unavailable": "Redis cannot be reached; try again shortly",
-}

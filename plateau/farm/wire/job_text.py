@@ -1,25 +1,20 @@
 """A job and its curve as text, for progress and summaries."""
 
 from datetime import datetime
-from typing import Any, Final
+from typing import Any
 
 from plateau.farm.model.job import NONE_LEFT, CurvePoint, Job, Notice, utc_now
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import (
     duration,
     percent,
     pixels,
-    roughly,
     share,
     significant,
     spp_range,
 )
 from plateau.farm.wire.views import JobView
 from plateau.rules import StoppingRule
-
-#: Below so many seconds, what is expected comes any moment.
-_SOON_S: Final = 3
 
 
 def row(name: str, text: str) -> str:
@@ -116,42 +111,6 @@ def stop_fraction(job: Job) -> float | None:
     return job.spec.rule.behaviour.noise_target
 
 
-def place(job: Job) -> str:
-    """A queued job's place in the queue, in the words of the page; "" if it has none."""
-    if not isinstance(job, JobView) or job.queue_place is None:
-        return ""
-    return f"place {job.queue_place:,} in the queue"
-
-
-def time_left(job: Job, now: datetime) -> str:
-    """A queued job's place, or the time that one still needs, in the words of the page.
-
-    "" if it cannot be known.
-    """
-    if job.state is JobState.QUEUED:
-        return place(job)
-    if job.state is not JobState.RENDERING or job.started_at is None:
-        return ""
-    rendered = job.committed_spp - job.continued_spp
-    expected, expected_s = job.expected_spp, job.expected_s
-    if expected is not None and expected_s is not None and expected <= job.spec.max_spp:
-        # The forecast is as old as the last point; slices were committed since.
-        ahead = max(0, expected - job.committed_spp) / max(1, expected - job.spp)
-        seconds = ahead * expected_s
-        return "any moment" if seconds < _SOON_S else f"about {roughly(seconds)} left"
-    rendering_s = (now - job.started_at).total_seconds() - job.paused_s
-    if rendered <= 0 or rendering_s <= 0:
-        return ""
-    to_cap = max(0, job.spec.max_spp - job.committed_spp)
-    return f"at most {roughly(to_cap * rendering_s / rendered)} left"
-
-
-def name_with_parameters(job: Job) -> str:
-    """What the job is called, and the values for its scene's parameters."""
-    values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
-    return " ".join((job.name, *values))
-
-
 def again(job: Job) -> str:
     """What a job has of the ended one that it renders again; "" of any other."""
     if job.again is None:
@@ -186,10 +145,10 @@ def _cost(job: Job) -> str:
     return f"{spent}; the stop saved about {significant(job.saved_core_hours)} core hours"
 
 
-def summary(job: Job, now: datetime) -> str:
+def summary(job: JobView, now: datetime) -> str:
     """A job in a few lines."""
     rows = [("state", job.outcome), ("reason", job.reason)]
-    if isinstance(job, JobView) and not job.state.ended:
+    if not job.state.ended:
         if job.waits_for and job.waits_for != job.reason:  # otherwise the reason says it
             rows.append(("workers", f"it {job.waits_for}"))
         elif job.fitting_workers:
@@ -198,7 +157,7 @@ def summary(job: Job, now: datetime) -> str:
         rows.append(("again", f"it {again(job)}"))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
-        image = f"{job.width}×{job.height}, {job.variant}, {name_with_parameters(job)}{denoised}"
+        image = f"{job.width}×{job.height}, {job.variant}, {job.title}{denoised}"
         rows.append(("image", image))
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough
@@ -225,9 +184,9 @@ def summary(job: Job, now: datetime) -> str:
     )
     if job.core_hours:
         rows.append(("cost", _cost(job)))
-    if to_come := time_left(job, now):
+    if job.time_left:
         forecast = "" if job.expected_spp is None else f", forecast {job.expected_spp:,} spp"
-        rows.append(("to come", f"{to_come}{forecast}"))
+        rows.append(("to come", f"{job.time_left}{forecast}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))
     if job.deleted_at is not None:
@@ -241,7 +200,6 @@ def summary_json(job: JobView, points: list[CurvePoint], files: list[str]) -> di
     """The job, its curve, how much it saved and the names of its files, as JSON values."""
     return {
         **job.model_dump(mode="json"),
-        "saved_fraction": job.saved_fraction,
         "wall_s": job.duration_s(utc_now()),
         "curve": [point.model_dump(mode="json") for point in points],
         "files": files,

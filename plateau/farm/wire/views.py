@@ -1,15 +1,20 @@
 """The API's answers as pydantic models, which the client shares."""
 
-from typing import Any
+from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
+from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, utc_now
 from plateau.farm.model.spec import Priority
+from plateau.farm.model.states import JobState
 from plateau.farm.model.worker import Worker
 from plateau.farm.wire import examples
+from plateau.farm.wire.figures import roughly
 from plateau.farm.wire.json_numbers import WithWholeNumbers
+
+#: Below so many seconds, what is expected comes any moment.
+_SOON_S: Final = 3
 
 
 def _shows(example: dict[str, Any]) -> JsonDict:
@@ -23,6 +28,7 @@ class JobView(Job):
     # A client may be older than the service that it talks to.
     model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.JOB))
 
+    title: str = Field(description="its name, and the values for its scene's parameters")
     waits_for: str | None = Field(
         None,
         description="in words, the jobs and batches that it comes after, or the kind of worker "
@@ -32,6 +38,10 @@ class JobView(Job):
         None,
         description="of a queued job: its place among all queued ones, by priority and then by "
         "age; 1 is next. Null for others, and where it is held back or waits for other jobs",
+    )
+    time_left: str = Field(
+        description="a queued job's place, or the time that one still needs, in words; empty where "
+        "it is not known"
     )
     fitting_workers: int | None = Field(
         None,
@@ -282,8 +292,30 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         "restore": f"{root}/restore",
         "again": f"{root}/again",
     }
+    values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
     return JobView(
         **job.model_dump(),
         **queued,
+        title=" ".join((job.name, *values)),
+        time_left=_time_left(job, queued.get("queue_place")),
         links=links,
     )
+
+
+def _time_left(job: Job, queue_place: int | None) -> str:
+    if job.state is JobState.QUEUED:
+        return "" if queue_place is None else f"place {queue_place:,} in the queue"
+    if job.state is not JobState.RENDERING or job.started_at is None:
+        return ""
+    expected, expected_s = job.expected_spp, job.expected_s
+    if expected is not None and expected_s is not None and expected <= job.spec.max_spp:
+        # The forecast is as old as the last point; slices were committed since.
+        ahead = max(0, expected - job.committed_spp) / max(1, expected - job.spp)
+        seconds = ahead * expected_s
+        return "any moment" if seconds < _SOON_S else f"about {roughly(seconds)} left"
+    rendered = job.committed_spp - job.continued_spp
+    rendering_s = (utc_now() - job.started_at).total_seconds() - job.paused_s
+    if rendered <= 0 or rendering_s <= 0:
+        return ""
+    to_cap = max(0, job.spec.max_spp - job.committed_spp)
+    return f"at most {roughly(to_cap * rendering_s / rendered)} left"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from plateau.metric.compiled.jit import inlined, kernel
-from plateau.metric.compiled.light import Screen, blacken, luminance, opponent, response, show
+from plateau.metric.compiled.light import KernelView, blacken, luminance, opponent, response, show
 from plateau.metric.pyramid import KERNEL, LEVELS, REACH
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Side(NamedTuple):
 
 
 @kernel
-def make_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
+def make_row(side: Side, n: int, screen: KernelView, work: Plane) -> int:
     """Compute row n of the sharp level and every row of other levels that it completes.
 
     `work` is scratch space, (6, SLICE). Returns how many pixels of row n are not finite.
@@ -79,7 +79,7 @@ def make_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
 
 
 @inlined
-def _light_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
+def _light_row(side: Side, n: int, screen: KernelView, work: Plane) -> int:
     """Compute row n of luminance and colour from the image."""
     count_of_planes, rows, width = side.planes.shape
     slot = n % rows

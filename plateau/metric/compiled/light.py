@@ -37,7 +37,7 @@ _A, _B = _f(LAB_A), _f(LAB_B)
 _Row = tuple[np.float32, np.float32, np.float32]
 
 
-class Screen(NamedTuple):
+class KernelView(NamedTuple):
     """A view in the form of the kernels."""
 
     #: 2^EV; 1 if the view has a gamma, because numpy then applies the view beforehand.
@@ -52,13 +52,13 @@ class Screen(NamedTuple):
     per_white: _Row
 
 
-def screen(view: View) -> Screen:
+def screen(view: View) -> KernelView:
     """Return a view in the form of the kernels."""
     matrix = RGB_TO_XYZ[view.primaries]
     x, y, z = (tuple(row) for row in matrix)
     per_white = tuple(_ONE / matrix.sum(axis=1, dtype=np.float32))
     scale = np.exp2(_f(view.exposure_ev)) if view.gamma == 1 else _ONE
-    return Screen(scale, _f(view.white_luminance), x, y, z, per_white)
+    return KernelView(scale, _f(view.white_luminance), x, y, z, per_white)
 
 
 @inlined

@@ -13,7 +13,7 @@ from plateau.metric.display import displayed, finite_pixels
 from plateau.metric.pyramid import LEVELS
 
 if TYPE_CHECKING:
-    from plateau.metric.compiled.light import Screen
+    from plateau.metric.compiled.light import KernelView
     from plateau.metric.display import Image, Mask, Plane, View
 
 
@@ -25,7 +25,7 @@ class CompiledPercept:
     that are not finite. The levels have the bits of those of `VisibleDifferences`.
     """
 
-    def __init__(self, view: View, image: Image, screen: Screen) -> None:
+    def __init__(self, view: View, image: Image, screen: KernelView) -> None:
         self._view = view
         self._screen = screen
         self._image: Image | None = image

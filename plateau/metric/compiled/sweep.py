@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from plateau.metric.compiled.elevation import Eye
     from plateau.metric.compiled.levels import Side
-    from plateau.metric.compiled.light import Screen
+    from plateau.metric.compiled.light import KernelView
     from plateau.metric.display import Mask, Plane
 
 _COLOURS_AND_RESPONSES = 6
@@ -31,7 +31,7 @@ _SPACES = _KNOWN + 5
 
 
 @entry_point
-def prepare(side: Side, screen: Screen) -> int:
+def prepare(side: Side, screen: KernelView) -> int:
     """Fill rings of the image's height; return how many pixels are not finite."""
     work = np.empty((_COLOURS_AND_RESPONSES, SLICE), np.float32)
     non_finite = 0
@@ -46,7 +46,7 @@ def sweep(
     test: Side,
     reference_streams: bool,
     test_streams: bool,
-    screen: Screen,
+    screen: KernelView,
     eye: Eye,
     visible: Mask,
 ) -> tuple[int, int]:

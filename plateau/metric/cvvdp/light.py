@@ -41,7 +41,7 @@ _HLG_HALF, _THIRD, _TWELFTH = _f(0.5), _f(1 / 3), _f(1 / 12)
 _HLG_RED, _HLG_GREEN, _HLG_BLUE = _f(0.2627), _f(0.6780), _f(0.0593)
 
 
-class Screen(NamedTuple):
+class KernelDisplay(NamedTuple):
     """A display as numbers for the kernels."""
 
     transfer: int
@@ -54,7 +54,7 @@ class Screen(NamedTuple):
     rgb_to_dkl: NDArray[np.float32]
 
 
-def screen(display: Display) -> Screen:
+def screen(display: Display) -> KernelDisplay:
     """Return the display as numbers."""
     black = display.black
     if display.transfer == "absolute":
@@ -63,7 +63,7 @@ def screen(display: Display) -> Screen:
         least, reflected = _LEAST_LIGHT, black + display.reflected
     else:
         least, reflected = black, display.reflected
-    return Screen(
+    return KernelDisplay(
         _NUMBERS[display.transfer],
         _f(display.exposure),
         _f(least),
@@ -82,7 +82,9 @@ def power(x: np.float32, exponent: np.float32) -> np.float32:
 
 
 @entry_point
-def opponent(image: NDArray[np.float32], screen: Screen, first: int, end: int, out: Plane) -> None:
+def opponent(
+    image: NDArray[np.float32], screen: KernelDisplay, first: int, end: int, out: Plane
+) -> None:
     """Write some rows of the opponent colour of the light that the screen shows, in cd/m².
 
     `image` is (H, 3 W), interleaved, `out` (3, H, W). Relative light v is shown as
@@ -153,7 +155,7 @@ def _system_gamma(red: Plane, green: Plane, blue: Plane, exponent: np.float32) -
 
 
 @kernel
-def _emit_relative(row: Plane, screen: Screen) -> None:
+def _emit_relative(row: Plane, screen: KernelDisplay) -> None:
     exposure, range_ = screen.exposure, screen.greatest - screen.least
     lowest = screen.least + screen.reflected
     for x in range(row.size):
@@ -161,7 +163,7 @@ def _emit_relative(row: Plane, screen: Screen) -> None:
 
 
 @kernel
-def _emit_absolute(row: Plane, screen: Screen) -> None:
+def _emit_absolute(row: Plane, screen: KernelDisplay) -> None:
     exposure, least, greatest = screen.exposure, screen.least, screen.greatest
     reflected = screen.reflected
     for x in range(row.size):

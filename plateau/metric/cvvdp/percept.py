@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric.cvvdp.display import Display
-    from plateau.metric.cvvdp.light import Screen
+    from plateau.metric.cvvdp.light import KernelDisplay
     from plateau.metric.display import Plane
 
 #: The least height and width of an image, in pixels.
@@ -59,7 +59,9 @@ def checked(image: NDArray[Any], display: Display) -> NDArray[np.float32]:
     return image
 
 
-def write_colours(image: NDArray[np.float32], screen: Screen, threads: int, out: Plane) -> None:
+def write_colours(
+    image: NDArray[np.float32], screen: KernelDisplay, threads: int, out: Plane
+) -> None:
     """Write the opponent colours of a checked image on a screen into `out`, (3, H, W)."""
     height, width, _ = image.shape
     pixels = np.ascontiguousarray(image).reshape(height, COLOURS * width)

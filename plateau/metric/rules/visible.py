@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: Any line through fewer points meets all of them.
 LEAST_POINTS = 3
-#: The estimate is a mean of two counts: nothing between this and no pixel can be told.
+#: The estimate is a mean of two counts: nothing between this and no pixel can be measured.
 LEAST_COUNT = 0.5
 
 
@@ -169,7 +169,7 @@ class Visible(Rule):
         if not passed:
             return f"{words}; the target is {most}"
         if not on_trend:
-            return f"{words}; {target} is reached now, but not by the trend of the last evaluations"
+            return f"{words}; {target} is reached now, but not yet by the trend"
         if not known:
             greatest = counted(estimate.greatest_pixels or 0)
             return (
@@ -178,7 +178,7 @@ class Visible(Rule):
             )
         if evidence.spp < self.min_spp:
             return f"{words}; {target} is reached, but not yet {self.min_spp} spp"
-        return f"{words}; {target} is reached, and by the trend of the last evaluations too"
+        return f"{words}; {target} is reached, and the trend of the last evaluations confirms it"
 
 
 def _recent(points: list[tuple[int, float]]) -> list[tuple[int, float]]:

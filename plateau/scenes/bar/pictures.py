@@ -7,7 +7,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from plateau.scenes.bar.room import GLAZES
-from plateau.scenes.noise import noise
+from plateau.scenes.build import noise
 
 Picture = npt.NDArray[np.float64]
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from plateau.scenes.build import document, numbers, scene_files, shape, write_files
+from plateau.scenes.build import document, noise, numbers, scene_files, shape, write_files
 from plateau.scenes.mesh import Vector
-from plateau.scenes.noise import noise
 from plateau.scenes.oculist.case import meshes
 from plateau.scenes.oculist.lettering import Field, cut
 from plateau.scenes.oculist.mosaic import mosaic

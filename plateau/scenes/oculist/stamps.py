@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plateau.scenes.build import noise
 from plateau.scenes.mesh import Mesh, Vector, joined
-from plateau.scenes.noise import noise
 from plateau.scenes.oculist.lettering import Field, cut
 from plateau.scenes.oculist.surfaces import plane, relief
 

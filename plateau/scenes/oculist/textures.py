@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from plateau.scenes.noise import noise
+from plateau.scenes.build import noise
 from plateau.scenes.oculist.lettering import Field, cut
 
 Bytes = npt.NDArray[np.uint8]

@@ -16,8 +16,6 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
@@ -50,9 +48,12 @@ from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
+from plateau.service.api.routes import submit as routes_submit
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import Targets
 
 _DESCRIPTION: Final = """
 Renders Mitsuba 3 scenes until the eye can no longer tell that more samples were added.
@@ -104,6 +105,7 @@ def create_app(
     )
     ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
+        redis=client,
         jobs=ledger,
         scenes=SceneIndex(client),
         batches=Batches(client),
@@ -120,9 +122,10 @@ def create_app(
         placing=placing or Placing(),
     )
     app.state.parts = parts
-    app.state.metrics = Metrics(parts.jobs, blobs)
+    app.state.metrics = Metrics(client, blobs)
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
+        routes_submit,
         routes_jobs,
         routes_deletions,
         routes_batches,

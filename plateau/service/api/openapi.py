@@ -10,8 +10,9 @@ from fastapi.dependencies.models import Dependant
 
 from plateau.farm.model.spec import BatchSpec
 from plateau.service.api.access.key_guard import needs_key
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import MEDIA_TYPE, Problem, ProblemDetails, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import MEDIA_TYPE, Problem, ProblemDetails
 
 #: Problems of every route.
 _ANYWHERE: Final = documented(
@@ -119,8 +120,9 @@ async def refuse_unknown_parameters(request: Request) -> None:
     if unknown:
         message = f"there is no such parameter; there are {', '.join(known)}"
         raise Problem(
-            problems.INVALID_REQUEST,
-            f"{unknown[0]}: {message}",
+            problems.UNKNOWN_PARAMETERS,
+            first=unknown[0],
+            known=", ".join(known),
             errors=[{"field": name, "message": message} for name in unknown],
         )
 

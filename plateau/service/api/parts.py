@@ -15,13 +15,14 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.notify_targets import Targets
+from plateau.farm.redis.client import RedisClient
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import Targets
 
 _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 
@@ -30,6 +31,7 @@ _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 class Parts:
     """Redis by subject, the blob store, and what the routes build on them."""
 
+    redis: RedisClient
     jobs: Jobs
     scenes: SceneIndex
     batches: Batches

@@ -19,10 +19,9 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.addresses import is_loopback
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
+from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -34,6 +33,7 @@ from plateau.service.api.http.server import (
 )
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.notices.targets import read_targets
 
 #: How long requests may take to end when the API stops, in seconds; streams end at once.
 _GRACE_S: Final = 5

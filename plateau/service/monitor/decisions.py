@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from plateau.farm.model.states import JobState
-from plateau.service.monitor.known import Answer, Known, Ledger
+from plateau.service.monitor.known import Known, Ledger, RuleAnswer
 from plateau.service.monitor.steps import (
     AbandonJob,
     ConcludeJob,
@@ -76,7 +76,7 @@ def _plan(known: Known) -> Step:
     return PlanSlices(known.stop, known.ahead.expected_end_spp(known.spp))
 
 
-def _answer(known: Known) -> Answer:
+def _answer(known: Known) -> RuleAnswer:
     assert known.answer is not None
     return known.answer
 
@@ -143,7 +143,7 @@ OPEN: Final = (
         Wait(),
     ),
     Row(
-        "a look has let it end, whose sums alone were kept meanwhile",
+        "a look allows its end, and so far only its sums were stored",
         lambda known: known.would_end and known.may_end and known.is_to_be_denoised,
         DenoiseImage(),
     ),

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.read_ahead import ReadAhead
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
@@ -18,16 +18,16 @@ from plateau.farm.model.fit import Crew
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
-from plateau.service.judging.checkpoints import Checkpoints
-from plateau.service.judging.denoised import Denoised
-from plateau.service.judging.films import Films
-from plateau.service.judging.judge import Judge
-from plateau.service.judging.result_files import flaw_of
+from plateau.picture.checkpoints import Checkpoints
+from plateau.picture.denoised import Denoised
+from plateau.picture.denoising.process import Denoising
+from plateau.picture.films import Films
+from plateau.picture.judge import Judge
+from plateau.picture.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
-from plateau.service.monitor.denoising.job_image import JobImage
-from plateau.service.monitor.denoising.process import Denoising
-from plateau.service.monitor.known import Answer, Known
+from plateau.service.monitor.job_image import JobImage
+from plateau.service.monitor.known import Known, RuleAnswer
 from plateau.service.monitor.look_ahead import LookAhead, enough
 from plateau.service.monitor.result_sets import ResultSets
 
@@ -175,7 +175,7 @@ class JobRun:
         self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(
-            Answer(
+            RuleAnswer(
                 stop=verdict.stop,
                 reason=verdict.reason,
                 numbers=verdict.numbers,

@@ -31,7 +31,7 @@ class Ledger(Enum):
 
 
 @dataclass(frozen=True)
-class Answer:
+class RuleAnswer:
     """The verdict of the job's own rule on the merged image."""
 
     stop: bool
@@ -57,7 +57,7 @@ class Known:
 
     merged: int = 0  #: slices in the sums: 0 … merged − 1
     judged: int = 0  #: slices in the sums when the rules last judged them
-    answer: Answer | None = None  #: the rules' answer, until every step that it causes is taken
+    answer: RuleAnswer | None = None  #: the rules' answer, until every step that it causes is taken
     recorded: bool = False  #: whether the curve has the point of that answer
     denoised: int = 0  #: slices in the image that was denoised last
     is_draft: bool = False  #: whether only the halves of that image were
@@ -259,7 +259,7 @@ class Known:
         waits = None if frame is None else frame.waits
         if waits is None or self.merged == 0 or waits.spp != self.spp:
             return self
-        answer = Answer(waits.stop, waits.reason, waits.numbers, flaw=None, expected_spp=None)
+        answer = RuleAnswer(waits.stop, waits.reason, waits.numbers, flaw=None, expected_spp=None)
         return replace(self, answer=answer, recorded=True)
 
     def turn(self, job: Job, enough: int, at_s: float) -> "Known":
@@ -318,7 +318,7 @@ class Known:
             return replace(self, is_being_denoised=True)
         return replace(self, denoised=self.merged, is_draft=is_draft)
 
-    def with_answer(self, answer: Answer, at_s: float) -> "Known":
+    def with_answer(self, answer: RuleAnswer, at_s: float) -> "Known":
         """The rules have judged the merged image."""
         return replace(
             self,

@@ -15,6 +15,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import (
     BlobsUnavailable,
     FenceLost,
@@ -24,28 +25,28 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.model.fit import Crew
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.hang import HANGS, Hang
+from plateau.farm.process.child import HANGS
+from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
-from plateau.service.judging.judge import warm_up
-from plateau.service.monitor.denoising.process import Denoising
+from plateau.picture.denoising.process import Denoising
+from plateau.picture.judge import warm_up
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.notifier.notifier import notifying
 from plateau.service.monitor.notifier.troubles import telling_troubles
 from plateau.service.monitor.shots.tending import Tending
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
+from plateau.service.notices.targets import read_targets
 
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
-_DENOISED_S: Final = 0.1  #: between two looks whether an image is denoised
+_DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
 
@@ -250,7 +251,7 @@ class Monitor:
     def _living(self) -> Crew:
         """The living workers, counted anew every two seconds."""
         if time.monotonic() > self._counted_at + _CENSUS_S:
-            self._crew = Crew(self._jobs.workers(self._lease_s))
+            self._crew = Crew(Workers(self._client).living(self._lease_s))
             self._counted_at = time.monotonic()
         return self._crew
 

@@ -4,7 +4,7 @@ import hashlib
 import logging
 from dataclasses import replace
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
@@ -12,12 +12,12 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.service.judging.denoised import Denoised
-from plateau.service.judging.facts import FILE, Facts, encode_facts, facts_of
-from plateau.service.judging.judge import Judge
-from plateau.service.judging.merge import Merge
-from plateau.service.judging.previews import Previews
-from plateau.service.judging.result_files import result_files
+from plateau.picture.denoised import Denoised
+from plateau.picture.facts import FILE, Facts, encode_facts, facts_of
+from plateau.picture.judge import Judge
+from plateau.picture.merge import Merge
+from plateau.picture.previews import Previews
+from plateau.picture.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from plateau.farm.sweep import Swept, is_due, sweep
 _LOG = logging.getLogger(__name__)
 
 _EVERY_S: Final = 3600.0  #: between two sweeps of the whole farm
-_LOOK_S: Final = 60.0  #: between two checks whether one is due
+_POLL_S: Final = 60.0  #: between two checks whether one is due
 _DAY_S: Final = 86_400.0
 
 
@@ -39,7 +39,7 @@ def sweeping(settings: Settings, store: Blobs) -> Iterator[None]:
 
 def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> None:
     client = connect(settings.redis_url or "")
-    while not over.wait(_LOOK_S):
+    while not over.wait(_POLL_S):
         try:
             if is_due(client, _EVERY_S):
                 swept = sweep(

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence, Sized
 from typing import Final
 
-from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.waits import Backoff
 
 #: The usual pause between two rounds over all jobs.
 IDLE_S: Final = 1.0

@@ -16,7 +16,7 @@ from plateau.worker.confinement.confine import limit_resources
 def main() -> None:
     """Shut this process in, and serve requests until the supervisor closes the socket."""
     parser = argparse.ArgumentParser(description="Plateau's render child; started by the worker.")
-    parser.add_argument("--socket", type=int, required=True)
+    parser.add_argument("socket", type=int)
     parser.add_argument("--films", type=int, required=True)
     parser.add_argument("--variant", required=True)
     parser.add_argument("--threads", type=int, required=True)

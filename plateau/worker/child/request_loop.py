@@ -27,6 +27,7 @@ from plateau.worker.renderers.contract import (
     DiskFull,
     Failed,
     FirstPass,
+    KnowsBlack,
     Load,
     Loaded,
     Ready,
@@ -161,4 +162,8 @@ def _render(
         answer(Stopped())
     else:
         at = films.write_sum(total.astype(np.float32))
-        answer(SumDone(at=at, render_s=time.monotonic() - started))
+        render_s = time.monotonic() - started
+        notes: tuple[str, ...] = ()
+        if isinstance(renderer, KnowsBlack) and not total[..., :3].any():
+            notes = (renderer.why_black(),)
+        answer(SumDone(at=at, render_s=render_s, notes=notes))

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from plateau.farm.process import libc
+from plateau.farm.process.lifecycle import c_call
 
 # <linux/prctl.h>, <linux/capability.h>
 _PR_CAPBSET_DROP: Final = 24
@@ -39,12 +39,12 @@ def drop_capabilities(needed: Path = Path(os.__file__)) -> None:
         return
     # A program could regain these. Without CAP_SETPCAP the calls fail, which does no harm: programs
     # are refused, and would get no new privileges.
-    last = int(Path("/proc/sys/kernel/cap_last_cap").read_text())
+    last = int(Path("/proc/sys/kernel/cap_last_cap").read_text(encoding="utf-8"))
     with suppress(OSError):
         for capability in range(last + 1):
-            libc.call("prctl", _PR_CAPBSET_DROP, capability, 0, 0, 0)
+            c_call("prctl", _PR_CAPBSET_DROP, capability, 0, 0, 0)
     with suppress(OSError):
-        libc.call("prctl", _PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
+        c_call("prctl", _PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
     kept = held() & _READ_ANY_FILE
     _use(0, of=kept)
     if _is_readable(needed):
@@ -57,7 +57,7 @@ def _use(effective: int, *, of: int) -> None:
     # struct __user_cap_header_struct {u32 version; int pid}; two of {effective, permitted,
     # inheritable}
     header = struct.pack("=Ii", _CAPABILITY_VERSION_3, 0)
-    libc.call("capset", header, struct.pack("=6I", effective, of, 0, 0, 0, 0))
+    c_call("capset", header, struct.pack("=6I", effective, of, 0, 0, 0, 0))
 
 
 def _is_readable(file: Path) -> bool:
@@ -78,11 +78,11 @@ def refuse_new_privileges() -> None:
     OSError
         The kernel refuses.
     """
-    libc.call("prctl", _PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
+    c_call("prctl", _PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
 def held() -> int:
     """Return the capabilities that this thread may use, one bit for each."""
-    status = Path("/proc/thread-self/status").read_text()
+    status = Path("/proc/thread-self/status").read_text(encoding="utf-8")
     permitted = next(line for line in status.splitlines() if line.startswith("CapPrm:"))
     return int(permitted.split()[1], 16)

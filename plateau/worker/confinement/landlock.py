@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from plateau.farm.process import libc
+from plateau.farm.process.lifecycle import c_call
 from plateau.worker.confinement.capabilities import refuse_new_privileges
 
 #: The same numbers on every architecture.
@@ -114,4 +114,4 @@ def _allow(ruleset: int, path: Path, rights: int) -> None:
 
 def _syscall(number: int, *arguments: int | bytes | None) -> int:
     given = (ctypes.c_long(one) if isinstance(one, int) else one for one in arguments)
-    return libc.call("syscall", ctypes.c_long(number), *given, what="Landlock")
+    return c_call("syscall", ctypes.c_long(number), *given, what="Landlock")

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.process import libc
+from plateau.farm.process.lifecycle import c_call
 from plateau.worker.confinement.capabilities import refuse_new_privileges
 
 # <linux/seccomp.h>
@@ -175,7 +175,7 @@ def refuse_calls(*, but_packets: bool = False) -> None:
     refuse_new_privileges()
     numbers = (machine.seccomp, _SECCOMP_SET_MODE_FILTER, _SECCOMP_FILTER_FLAG_TSYNC)
     arguments = (*map(ctypes.c_long, numbers), ctypes.c_char_p(header))
-    if libc.call("syscall", *arguments, what="seccomp") != 0:
+    if c_call("syscall", *arguments, what="seccomp") != 0:
         raise OSError(errno.ESRCH, "seccomp: a thread cannot take the filter")
 
 

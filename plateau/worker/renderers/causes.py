@@ -14,6 +14,15 @@ _LEFT_OUT: Final = "… (the slice's log has the rest)"
 #: The frames of a traceback; what follows them is the exception.
 _FRAMES: Final = re.compile(r"^Traceback \(most recent call last\):\n(?:[ \t].*\n)*", re.MULTILINE)
 
+#: Lines of Mitsuba's log, and in them the file that it loads, and what it warns of.
+_ENTRY: Final = r"^(?:\x1b\[[\d;]*m)*\d{4}-\d\d-\d\d \d\d:\d\d:\d\d "
+_COLOURS: Final = re.compile(r"\x1b\[[\d;]*m")
+_DETAIL: Final = re.compile(rf"{_ENTRY}(?:DEBUG|INFO) .*\n", re.MULTILINE)
+_FILE: Final = re.compile(
+    rf'{_ENTRY}DEBUG +\[\w+\] Loading (?!plugin)[^"\n]*"([^"\n]+)"', re.MULTILINE
+)
+_WARNING: Final = re.compile(rf"{_ENTRY}WARN +\[[^]\n]*\] ([^\x1b\n]+)", re.MULTILINE)
+
 #: Where this machine keeps what it runs; a reason says nothing of it.
 _PROGRAM: Final = (sysconfig.get_path("purelib"), str(Path(__file__).parents[3]))
 
@@ -25,10 +34,32 @@ def first_words(text: str) -> str:
 
 
 def first_and_last_words(text: str) -> str:
-    """Return the first and the last lines of what a process printed before it died."""
-    first, rest = _whole_lines(_FRAMES.sub("", f"{text}\n").strip().splitlines(), _FIRST)
+    """Return the first and the last lines of what a process printed before it died.
+
+    Of a log of Mitsuba's about a scene that it loads, the last file is named in place of its lines.
+    """
+    words = without_details(_FRAMES.sub("", f"{text}\n"))
+    first, rest = _whole_lines(words.strip().splitlines(), _FIRST)
     last, left_out = _whole_lines(rest[::-1], _LAST)
-    return "\n".join([*first, *([_LEFT_OUT] if left_out else []), *last[::-1]])
+    file = file_at(text)
+    at = [f"it was at the file {file}"] if file else []
+    return "\n".join([*at, *first, *([_LEFT_OUT] if left_out else []), *last[::-1]])
+
+
+def file_at(log: str) -> str | None:
+    """Return the file that Mitsuba said last that it loads."""
+    files = _FILE.findall(log)
+    return files[-1] if files else None
+
+
+def warnings_in(log: str) -> list[str]:
+    """Return what Mitsuba warned of, each once, in its words."""
+    return list(dict.fromkeys(one.strip() for one in _WARNING.findall(log)))
+
+
+def without_details(log: str) -> str:
+    """Return Mitsuba's log with its warnings and errors alone."""
+    return _DETAIL.sub("", _COLOURS.sub("", log))
 
 
 def without_folders(text: str, folders: Iterable[Path]) -> str:

@@ -14,7 +14,7 @@ and each answer is one object, whose ``"is"`` names its kind::
     {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W", "Z"], "notes": […]}
     {"is": "working"}
     {"is": "glimpse", "at": …, "spp": …}
-    {"is": "rendered", "at": …, "render_s": …}
+    {"is": "rendered", "at": …, "render_s": …, "notes": []}
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}
     {"is": "disk-error", "message": …}
@@ -36,7 +36,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, get_args, runtime_checkable
 
 from plateau.farm.model.renderers import renderer_of, variant_named
 
@@ -81,7 +81,7 @@ class Load:
     sensor : int
         Index of the sensor to render.
     aovs : tuple of str
-        What the film is to have beside colour, of `plateau.farm.model.aovs.AOVS`.
+        What the film is to have besides colour, of `plateau.farm.model.aovs.AOVS`.
     threads : int
         How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
     """
@@ -147,8 +147,8 @@ class Loaded:
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
     look : str
-        The scene's view transform, as `plateau.farm.images.look.Look.as_text` has it; "" where the
-        image is seen as it is.
+        The scene's view transform, as `ViewTransform.as_text` has it; "" where the image is seen as
+        it is.
     header : mapping of str to str
         What the header of an image is to say: of its Cryptomattes (`plateau.farm.images.mattes`),
         and of the place of a crop in its film (`plateau.farm.images.crops`).
@@ -191,6 +191,7 @@ class SumDone:
     kind: ClassVar = "rendered"
     at: int
     render_s: float
+    notes: tuple[str, ...] = ()  #: on a film that is black
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,6 +335,14 @@ class Renderer(Protocol):
         SceneError
             The scene fails while it renders, or zones are asked of a renderer that has none.
         """
+
+
+@runtime_checkable
+class KnowsBlack(Protocol):
+    """A renderer that has a note on a film in which no pixel has any light."""
+
+    def why_black(self) -> str:
+        """Return why the film of the loaded scene is black, as far as that is known."""
 
 
 def check_aovs(asked: Iterable[str], known: Iterable[str]) -> None:

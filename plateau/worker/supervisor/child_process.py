@@ -5,8 +5,6 @@ import logging
 import os
 import selectors
 import signal
-import socket
-import subprocess
 import tempfile
 import threading
 import time
@@ -19,17 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
-from plateau.farm.images.look import Look
 from plateau.farm.images.mattes import check_attributes
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.slices.zones import Zone, pixels_of
-from plateau.farm.process.hang import HANGS
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.causes import first_and_last_words, without_folders
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
-from plateau.worker.supervisor.child_output import Words
-from plateau.worker.supervisor.child_start import ChildLimits, Inherited, start
+from plateau.worker.supervisor.child_start import ChildLimits, start_child
 from plateau.worker.supervisor.child_watch import ChildWatch
 from plateau.worker.supervisor.scene_cache import loading_threads
 
@@ -45,11 +41,7 @@ CANCEL_GRACE_S: Final = 2.0
 
 #: A child that has not imported its renderer by then is killed.
 START_TIMEOUT_S: Final = 120.0
-_POLL_S: Final = 0.5  #: between two looks at a silent child
-_LOOK_S: Final = 0.01  #: between two looks whether a killed group is gone
-
-#: A killed child that is there for longer waits for something that no signal ends.
-GONE_S: Final = 10.0
+_POLL_S: Final = 0.5  #: between two checks of a silent child
 
 
 class ChildDied(Exception):
@@ -87,35 +79,25 @@ class RenderChild:
         self._limits = limits
         self._request_id = 0
         self._scene: Loaded | None = None
+        self.notes: tuple[str, ...] = ()  #: on the last film
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
-        self._words = Words()
         self._home = home
         self._folder: Path | None = None  # of its scene
         home.mkdir(parents=True, exist_ok=True)
         # A file without a name: nothing of it remains, whichever process dies.
         self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = start(
-                Inherited(theirs.fileno(), self._films.fileno(), self._words.file.fileno()),
-                variant,
-                llvm_library,
-                limits,
-                home,
-                scenes,
-            )
+        self._child = start_child(self._films.fileno(), variant, llvm_library, limits, home, scenes)
         self._watch = ChildWatch(self.pid, on_gpu=variant_named(variant).on_gpu)
-        self._socket = ours
         self._readable = selectors.DefaultSelector()
-        self._readable.register(ours, selectors.EVENT_READ)
+        self._readable.register(self._child.link, selectors.EVENT_READ)
         self._received = b""
         self._is_ready = False
 
     @property
     def pid(self) -> int:
         """The child's process id."""
-        return self._process.pid
+        return self._child.pid
 
     @property
     def trouble(self) -> str | None:
@@ -157,7 +139,7 @@ class RenderChild:
             channels = Channels(scene.channels, scene.ids)
             channels.check_size(scene.width, scene.height)
             if scene.look:
-                Look.from_text(scene.look)
+                ViewTransform.from_text(scene.look)
             check_attributes(scene.header)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
@@ -190,6 +172,7 @@ class RenderChild:
                 show(self._film(self._scene, zones, answer.at), answer.spp)
             elif isinstance(answer, contract.SumDone):
                 self._watch.ended(samples)
+                self.notes = answer.notes
                 return self._film(self._scene, zones, answer.at), answer.render_s
 
     def _film(self, scene: Loaded, zones: Sequence[Zone], at: int) -> Film:
@@ -206,7 +189,7 @@ class RenderChild:
 
     def take_words(self) -> str:
         """Return the end of what the child printed since the last call; see `Words.take`."""
-        return self._told(self._words.take())
+        return self._told(self._child.words.take())
 
     def cancel(self) -> None:
         """Cancel the current request at the end of its pass; kill the child if that takes long."""
@@ -218,35 +201,17 @@ class RenderChild:
     @property
     def alive(self) -> bool:
         """Whether the process is still running."""
-        return self._process.poll() is None
+        return self._child.is_alive
 
     def kill(self) -> None:
         """Kill the child and all that it has started.
 
         One that waits for a disk that does not answer ends when the disk answers.
         """
-        gone_by = time.monotonic() + GONE_S
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GONE_S)
-        while self._is_there() and time.monotonic() < gone_by:
-            time.sleep(_LOOK_S)
-        if self._is_there():
-            _LOG.error("the killed render child %d is still there: %s", self.pid, HANGS)
+        self._child.end()
         self._watch.answered()
         self._readable.close()
-        self._socket.close()
-        self._words.close()
         self._films.close()
-
-    def _is_there(self) -> bool:
-        """Return whether any process of the group is left, the child or what it started."""
-        try:
-            os.killpg(self._process.pid, 0)
-        except ProcessLookupError:
-            return False
-        return True
 
     def _ask(self, request: contract.Load | contract.Render) -> None:
         with self._lock:
@@ -256,7 +221,7 @@ class RenderChild:
 
     def _send(self, request: Request) -> None:
         with contextlib.suppress(OSError):  # it is dead, and the next read says how it ended
-            self._socket.sendall(contract.request_line(request).encode())
+            self._child.link.sendall(contract.request_line(request).encode())
 
     def _expect(self, timeout_s: float, doing: str, kind: type[_A]) -> _A:
         """Return the next answer, which has to be of this kind."""
@@ -305,18 +270,18 @@ class RenderChild:
         if not self._readable.select(_POLL_S):
             return False
         try:
-            chunk = self._socket.recv(65536)
+            chunk = self._child.link.recv(65536)
         except OSError:
             chunk = b""
         if not chunk:
-            how, words = _how(self._process.wait()), self._last_words()
+            how, words = _how(self._child.wait()), self._last_words()
             self.kill()  # its group may live on
             raise ChildDied(f"the render process {how} while {doing}{words}")
         self._received += chunk
         return True
 
     def _last_words(self) -> str:
-        words = first_and_last_words(self._told(self._words.read()))
+        words = first_and_last_words(self._told(self._child.words.read()))
         return f": {words}" if words else ""
 
     def _told(self, words: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 import psutil
@@ -56,6 +57,7 @@ class RenderHost:
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
+        lease.spec.require_size(scene.width, scene.height)
         schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
         first_seed, last_seed = schedule.seed_range(lease.index, lease.spp)
         zones = slice_zones(lease.spec, lease.round, scene.width, scene.height, scene.border)
@@ -81,7 +83,7 @@ class RenderHost:
         return Rendered(
             said=self.take_words(),
             lease=lease,
-            scene=scene,
+            scene=replace(scene, notes=(*scene.notes, *child.notes)),
             film=film,
             first_seed=first_seed,
             last_seed=last_seed,

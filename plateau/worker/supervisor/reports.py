@@ -9,7 +9,7 @@ from typing import Final
 
 from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.waits import Backoff
 
 _LOG = logging.getLogger(__name__)
 

@@ -19,12 +19,13 @@ from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
+from plateau.farm.model.spec.shared import FilmTooSmall
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.hang import HANGS, Hang
+from plateau.farm.process.child import HANGS
+from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop, await_any
+from plateau.farm.process.waits import Backoff, Stop, await_any
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
@@ -178,7 +179,7 @@ class Supervisor:
         except Cancelled:
             why = _STOPS if self._stop.is_set() else "it was cancelled"
             self._reports.hand_back(lease, why, self._tried(started))
-        except (SceneError, BundleError, SeedsExhausted) as error:
+        except (SceneError, BundleError, SeedsExhausted, FilmTooSmall) as error:
             tried = self._tried(started)
             if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
                 self._reports.fail(lease, str(error), tried)

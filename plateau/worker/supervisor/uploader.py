@@ -9,17 +9,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.process import log
-from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.hang import Hang
+from plateau.farm.process.waits import Backoff
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film
 
@@ -27,7 +27,7 @@ _LOG = logging.getLogger(__name__)
 
 #: Rendered slices that may wait for their upload, so that memory stays bounded.
 _WAITING: Final = 2
-_LOOK_S: Final = 0.2  #: between two checks whether the worker stops
+_POLL_S: Final = 0.2  #: between two checks whether the worker stops
 _LAST_TRY_S: Final = 3.0  #: how much longer the try under way may take when the patience ends
 _RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait for Redis or the blob store
 
@@ -86,7 +86,7 @@ class Uploader:
         self._held[rendered.lease.entry] = rendered
         while True:
             try:
-                self._waiting.put(rendered, timeout=_LOOK_S)
+                self._waiting.put(rendered, timeout=_POLL_S)
             except queue.Full:
                 if stop.is_set():
                     self._held.pop(rendered.lease.entry, None)
@@ -120,8 +120,8 @@ class Uploader:
         ends = time.monotonic() + patience_s
         while self._thread.is_alive() and time.monotonic() < ends + _LAST_TRY_S:
             with suppress(queue.Full):
-                self._waiting.put(None, timeout=_LOOK_S)
-            self._thread.join(_LOOK_S)
+                self._waiting.put(None, timeout=_POLL_S)
+            self._thread.join(_POLL_S)
             if time.monotonic() > ends:
                 self._give_up.set()
         for rendered in tuple(self._held.values()):
@@ -227,7 +227,7 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             zones=rendered.zones,
             border=rendered.scene.border if rendered.zones else 0,
             renderer=rendered.kind,
-            look=Look.from_text(rendered.scene.look)
+            transform=ViewTransform.from_text(rendered.scene.look)
             if rendered.scene.look and lease.index == 0
             else None,
             header=rendered.scene.header if lease.index == 0 else {},

@@ -11,8 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 import redis
 
+from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.probe import check_create_once
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from plateau.farm.redis import keys

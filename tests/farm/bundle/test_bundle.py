@@ -1,12 +1,15 @@
 """What the check lets through, and every kind of upload that it refuses."""
 
 import copy
+import gzip
 import io
 import random
 import re
 import stat
+import struct
 import tracemalloc
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -190,12 +193,49 @@ class Bad:
     kwargs: dict[str, Any] = field(default_factory=dict)
 
 
+LATIN = io.BytesIO(scene("<!-- Größe -->").decode().encode("latin-1"))
+TAR = bytes(257) + b"ustar\0" + bytes(249)
+
+
 def xml(*body: str) -> io.BytesIO:
     return io.BytesIO(scene(*body))
 
 
 def entry(name: str | zipfile.ZipInfo, content: bytes = b"") -> io.BytesIO:
     return zipped({"scene.xml": scene(), name: content})
+
+
+OLD = b"""<scene version="0.6.0"><integrator type="path"><integer name="maxDepth" value="8"/>\
+</integrator>
+<sensor type="perspective"><transform name="toWorld"><lookAt origin="0,0,5"/></transform>
+<film type="ldrfilm"><string name="toneMappingMethod" value="gamma"/></film></sensor>
+<bsdf type="ward"/><bsdf type="diffuse"><spectrum name="reflectance" value="0.1, 0.2, 0.3"/></bsdf>
+<emitter type="constant"><spectrum name="radiance" value="400:1, 700:2"/></emitter>
+<emitter type="sunsky"><transform name="toWorld"/></emitter><emitter type="sunsky"/></scene>"""
+OLD_LISTED = (
+    "Mitsuba '0.6.0'.*Change: line 2, <lookAt>: write <lookat>; line 3, 'ldrfilm': use hdrfilm; "
+    "line 3, 'toneMappingMethod': delete it; line 4, 'ward': use principled; "
+    "line 4, <spectrum> with three numbers: write <rgb>; line 6, sunsky: put <rotate.*y$"
+)
+
+
+def binary_ply(order: str, *faces: tuple[int, ...]) -> bytes:
+    kind = {"<": "little", ">": "big"}[order]
+    header = PLY.partition(b"0 0 0")[0].replace(b"ascii", f"binary_{kind}_endian".encode())
+    header = header.replace(b"face 1", f"face {len(faces)}".encode())
+    corners = [struct.pack(f"{order}B{len(one)}i", len(one), *one) for one in faces]
+    return header + struct.pack(f"{order}9f", *range(9)) + b"".join(corners)
+
+
+def serialized(vertex: int) -> bytes:
+    mesh = struct.pack("<I5sQQ9f3I", 0x1000, b"mesh", 3, 1, *range(9), 0, 1, vertex)
+    return struct.pack("<HH", 0x041C, 4) + zlib.compress(mesh) + struct.pack("<QI", 0, 1)
+
+
+def openexr(*channels: str) -> bytes:
+    listed = b"".join(one.encode() + b"\0" + bytes(16) for one in channels) + b"\0"
+    header = b"channels\0chlist\0" + struct.pack("<I", len(listed)) + listed
+    return b"\x76\x2f\x31\x01\2\0\0\0" + header + b"\0"
 
 
 def forged(**changes: object) -> io.BytesIO:
@@ -309,13 +349,21 @@ WIDTH = '<default name="w" value="9"/>'
 TEXTURE = '<default name="texture" value="a.ply"/>'
 ENTITY = b'<!DOCTYPE scene [<!ENTITY x "y">]>'
 MESH = {"a.ply": PLY}
+TEXTURE_OF = '<texture type="bitmap"><string name="filename" value="wood"/></texture>'
+SERIALIZED = '<shape type="serialized"><string name="filename" value="a"/></shape>'
 
 BAD = [
     # The upload
     Bad("empty", io.BytesIO(), "upload is empty"),
     Bad("empty", zipped({}), "no files"),
     Bad("too-large", xml(), "bytes; 10 are allowed", kwargs=limits(max_bytes=10)),
-    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), "nor an analytic scene nor"),
+    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), r"a PNG image \(a scene is a Mitsuba XML, an"),
+    Bad("not-a-scene", io.BytesIO(gzip.compress(scene())), "XML compressed by gzip; unpack it"),
+    Bad("not-a-scene", io.BytesIO(gzip.compress(TAR)), "a tar archive compressed by gzip"),
+    Bad("not-a-scene", io.BytesIO(TAR), "a tar archive; unpack it"),
+    Bad("not-a-scene", io.BytesIO(b"Rar!\x1a\x07\1\0"), "a RAR archive"),
+    Bad("not-a-scene", io.BytesIO(b"\x28\xb5\x2f\xfd" + bytes(99)), "a Zstandard file"),
+    Bad("not-a-scene", io.BytesIO(b"\n<!doctype HTML><html/>"), "a web page"),
     Bad("not-a-scene", io.BytesIO(b"<shape/>"), "<shape>, not <scene>", "scene.xml", 1),
     Bad("not-a-scene", zipped(MESH), "no scene: an"),
     Bad("not-a-scene", zipped({"a.xml": b"<bsdf/>", "b.xml": b"oops"}), "no scene: an"),
@@ -394,7 +442,7 @@ BAD = [
     Bad("xml-malformed", io.BytesIO(scene() + scene()), "junk", "scene.xml"),
     Bad("xml-malformed", io.BytesIO(scene('<a b="1" b="2"/>')), "duplicate", "scene.xml", 2),
     Bad("xml-malformed", xml('<a b="&y;"/>'), "undefined entity", "scene.xml", 2),
-    Bad("xml-malformed", io.BytesIO(b'<scene v="\xff"/>'), "not well-formed", "scene.xml", 1),
+    Bad("xml-encoding", io.BytesIO(b'<scene v="\xff"/>'), "0xff is no UTF-8", "scene.xml", 1),
     Bad("xml-entity", io.BytesIO(b"<!DOCTYPE scene>" + scene()), "DOCTYPE", "scene.xml", 1),
     Bad("xml-entity", io.BytesIO(ENTITY + scene('<a b="&x;"/>')), "DOCTYPE", "scene.xml", 1),
     Bad(
@@ -405,6 +453,7 @@ BAD = [
         2,
     ),
     Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16")), "UTF-8", "scene.xml"),
+    Bad("xml-encoding", LATIN, "0xf6 .* in Latin-1 it is 'ö'", "scene.xml", 2),
     Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16-be")), "UTF-8", "scene.xml"),
     Bad(
         "xml-encoding",
@@ -460,13 +509,60 @@ BAD = [
     Bad("missing-file", zipped({"scene.xml": scene("", mesh("a.ply"))}), "add it", "scene.xml", 3),
     Bad("missing-file", zipped({"scene.xml": scene(include("a.xml"))}), "add it", "scene.xml", 2),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>')}), "add it"),
-    Bad("missing-file", zipped({"scene.xml": scene(mesh("A.ply")), **MESH}), "'A.ply'"),
+    Bad("missing-file", zipped({"scene.xml": scene(mesh("A.ply")), **MESH}), r"'a.ply' \(case"),
+    Bad(
+        "missing-file", zipped({"scene.xml": scene(mesh("M\\Tent.ply")), "m/tent.ply": PLY}), "m/t"
+    ),
+    Bad(
+        "missing-file", zipped({"scene.xml": scene(mesh("m/tnet.ply")), "m/tent.ply": PLY}), "m/te"
+    ),
+    Bad(
+        "missing-file", zipped({"scene.xml": scene(mesh("ö.ply")), "o\u0308.ply": PLY}), r"o\\u0308"
+    ),
+    # What the files have
+    *(
+        Bad(
+            "unreadable-file",
+            zipped({"scene.xml": scene("", mesh("m/a.ply")), "m/a.ply": bad}),
+            says,
+        )
+        for bad, says in {
+            PLY[:-2] + b"3": "'m/a.ply' has 3 vertices, from 0 on, and face 0 names vertex 3",
+            PLY[:-6] + b"0 -1 2": "names vertex -1",
+            binary_ply("<", (0, 1, 2), (0, 70_000, 2)): "face 1 names vertex 70000",
+            binary_ply(">", (0, 1, 2), (0, 70_000, 2)): "face 1 names vertex 70000",
+            binary_ply("<", (0, 1, 2), (0, 1, 2, 1)): r"4 corners \(face 1\).* triangulate",
+            PLY[:-8] + b"4 0 1 2 1": "4 corners",
+            binary_ply("<", (0, 1, 2))[:-1]: "cut short: it has 0 of 1 faces",
+            b"": "is empty",
+            b"<html>404</html>": "is a web page",
+            b"version https://git-lfs.github.com/spec/v1\n": "git lfs pull",
+            b"II*\0": "a TIFF image, and no mesh",
+        }.items()
+    ),
+    *(
+        Bad("unreadable-file", zipped({"scene.xml": scene(TEXTURE_OF), "wood": bad}), says)
+        for bad, says in {
+            b"RIFF\0\0\0\0WEBP": "'wood' is a WebP image, which Mitsuba cannot read: convert",
+            b"II*\0": "a TIFF image",
+            b"\xff\xd8\xff\xc1\0\x11\x0c": "12 bits",
+            b"\xff\xd8\xff\xe0\0\x02\xff\xc0\0\x14\x08\0\1\0\1\4": "4 channels",
+            b"\xff\xd8\xff\xe0\1\0": "cut short",
+            b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR": "cut short",
+            openexr("Z"): "channels 'Z'",
+            openexr("A", "B", "G", "R", "Z"): "channels 'A, B, G, R, Z'",
+        }.items()
+    ),
+    Bad(
+        "unreadable-file", zipped({"scene.xml": scene(SERIALIZED), "a": serialized(9)}), "vertex 9"
+    ),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("no/../a.ply")), **MESH}), "no/"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a.ply/../a.ply")), **MESH}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a")), "a/b": b""}), "not a file"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("./" * 3000 + "a.ply")), **MESH}), "…"),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>'), "a": b""}), "not a fold"),
     Bad("missing-file", xml('<spectrum name="x" filename="a.spd"/>'), "a.spd", "scene.xml", 2),
+    Bad("old-scene", io.BytesIO(OLD), OLD_LISTED, "scene.xml", 2),
     Bad("path-escape", xml(mesh("/etc/passwd")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("../a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("C:/a.ply")), "leads out of", "scene.xml", 2),
@@ -527,6 +623,12 @@ BAD = [
         kwargs=given(dept="2"),
     ),
     Bad("unknown-parameter", xml(), "the scene has none", kwargs=given(depth="2")),
+    Bad(
+        "unknown-parameter",
+        xml('<default name="o\u0308" value="1"/><a b="$o\u0308"/>'),
+        r"that is 'o\\u0308', and not '\\xf6'",
+        kwargs=given(ö="2"),
+    ),
     Bad(
         "unknown-parameter",
         xml('<default name="depth" value="1"/>'),

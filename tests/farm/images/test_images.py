@@ -18,7 +18,7 @@ from plateau.farm.images.exr import (
     encode_partial,
 )
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.spec.exr import Compression
+from plateau.farm.model.spec.parts import Compression
 from tests.support.images.plain_exr import encode_image
 
 RNG = np.random.default_rng(7)

@@ -6,7 +6,7 @@ import pytest
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, decode_header, decode_partial, encode_partial
 from plateau.farm.images.mattes import check_attributes, mattes
-from plateau.service.judging.merge import Merge
+from plateau.picture.merge import Merge
 
 LAYERS = tuple(f"layer.CryptoObject{rank:02}.{letter}" for rank in range(2) for letter in "rgba")
 NAMES = ("R", "G", "B", "W", *LAYERS)

@@ -11,6 +11,7 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.errors import CannotFollow
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
@@ -90,7 +91,7 @@ def test_a_job_waits_until_another_has_ended_well(farm: Farm, state: JobState) -
     # It says what it waits for, no worker is given its slices, and nobody counts them as work
     assert (second.awaits, second.reason) == (1, f"waits for job box ({first.id})")
     assert [farm.given() for _ in range(3)] == [first.id, first.id, ""]
-    assert farm.jobs.census().demand_for().waiting == 0
+    assert take_census(farm.client).demand_for().waiting == 0
     # Not as soon as it has ended, but when its images are written
     farm.ends(first, state, finishes=False)
     assert farm.jobs.get(second.id).awaits == 1

@@ -10,6 +10,7 @@ import redis
 from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.jobs import Created, Jobs
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.batch import Member, summarise
 from plateau.farm.model.errors import BatchNotFound
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -331,7 +332,7 @@ class TestSteering:
         held = jobs.get(second)
         assert (held.held, held.reason) == (True, "paused with its batch by a user")
         assert batches.get("b").held == 1
-        assert jobs.census().slices["waiting"] == 0
+        assert take_census(client).slices["waiting"] == 0
         # Until it is resumed
         for _ in range(2):
             steered = batches.steer("b", Steer.RESUME)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from plateau.farm.redis import keys

@@ -60,7 +60,7 @@ class Farm:
 
     def tries(self) -> dict[str, int]:
         """How tries ended, where any did so."""
-        return {end: count for end, count in self.jobs.census().tries.items() if count}
+        return {end: count for end, count in take_census(self.client).tries.items() if count}
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def farm(client: redis.Redis) -> Farm:
 
 
 def test_of_an_empty_farm_all_is_zero(farm: Farm) -> None:
-    census = farm.jobs.census()
+    census = take_census(farm.client)
     assert census.jobs == {"queued": 0, "rendering": 0, "paused": 0}
     assert census.slices == {"waiting": 0, "leased": 0}
     assert (census.queue_age_s, census.jobs_stored, census.jobs_created) == (0, 0, 0)
@@ -84,13 +84,13 @@ class TestSlices:
         # If the answer was lost and the commit comes again
         assert [farm.commit(held), farm.commit(held)] == [Committed.COMMITTED] * 2
         assert farm.tries() == {"committed": 1}
-        assert farm.jobs.census().samples == 25 * PIXELS
-        assert farm.jobs.census().machine_s == 0.5
+        assert take_census(farm.client).samples == 25 * PIXELS
+        assert take_census(farm.client).machine_s == 0.5
         # If it is another try of the slice
         farm.commit(held, blob="another")
         assert farm.tries() == {"committed": 1, "duplicate": 1}
-        assert farm.jobs.census().samples == 25 * PIXELS
-        assert farm.jobs.census().machine_s == 1.0
+        assert take_census(farm.client).samples == 25 * PIXELS
+        assert take_census(farm.client).machine_s == 1.0
 
     def test_that_come_to_nothing_are_told_apart(self, farm: Farm) -> None:
         job, owned = farm.job(slices=6)
@@ -106,7 +106,7 @@ class TestSlices:
         farm.commit(late)
         expected = ("died", "handed-back", "unfit", "committed", "rejected", "failed", "late")
         assert farm.tries() == dict.fromkeys(expected, 1)
-        assert farm.jobs.census().machine_s == farm.jobs.get(job.id).machine_s == 1.5
+        assert take_census(farm.client).machine_s == farm.jobs.get(job.id).machine_s == 1.5
 
     def test_cost_their_time_on_each_thread_of_their_worker(self, farm: Farm) -> None:
         job, _ = farm.job(slices=2)
@@ -132,20 +132,20 @@ class TestSlices:
 
     def test_wait_for_a_worker_or_are_leased_to_one(self, farm: Farm) -> None:
         farm.job(slices=5)
-        assert farm.jobs.census().slices == {"waiting": 5, "leased": 0}
+        assert take_census(farm.client).slices == {"waiting": 5, "leased": 0}
         held = [farm.lease() for _ in range(3)]
-        assert farm.jobs.census().slices == {"waiting": 2, "leased": 3}
+        assert take_census(farm.client).slices == {"waiting": 2, "leased": 3}
         # If one is put back, and one committed
         farm.worker().hand_back(held[0], 0.1, cause="the worker stops")
         farm.commit(held[1])
-        assert farm.jobs.census().slices == {"waiting": 3, "leased": 1}
+        assert take_census(farm.client).slices == {"waiting": 3, "leased": 1}
 
     def test_of_a_paused_job_wait_for_nobody(self, farm: Farm) -> None:
         job, _ = farm.job(slices=3)
         farm.lease()
         farm.jobs.pause(job.id)
-        assert farm.jobs.census().slices == {"waiting": 0, "leased": 1}
-        assert farm.jobs.census().queue_age_s == 0
+        assert take_census(farm.client).slices == {"waiting": 0, "leased": 1}
+        assert take_census(farm.client).queue_age_s == 0
 
 
 class TestDemand:
@@ -153,7 +153,7 @@ class TestDemand:
         farm.job(slices=4, variant="cuda_ad_rgb")
         farm.job(slices=3, variant="scalar_rgb")
         farm.lease()
-        census = farm.jobs.census()
+        census = take_census(farm.client)
         assert census.demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
         assert census.demand_for(["llvm_ad_rgb", "scalar_rgb"]) == Demand(waiting=2, leased=1)
         assert census.demand_for([]) == Demand(waiting=6, leased=1)
@@ -162,16 +162,16 @@ class TestDemand:
         self, farm: Farm
     ) -> None:
         farm.job(slices=4)
-        assert farm.jobs.census().demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
+        assert take_census(farm.client).demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
         farm.lease()
-        assert farm.jobs.census().demand_for(["cuda_ad_rgb"]) == Demand(waiting=0, leased=0)
-        assert farm.jobs.census().demand_for(["scalar_rgb"]) == Demand(waiting=3, leased=1)
+        assert take_census(farm.client).demand_for(["cuda_ad_rgb"]) == Demand(waiting=0, leased=0)
+        assert take_census(farm.client).demand_for(["scalar_rgb"]) == Demand(waiting=3, leased=1)
 
     def test_is_for_workers_of_the_pool_with_the_tags_that_a_job_requires(self, farm: Farm) -> None:
         farm.job(slices=1)
         farm.job(slices=2, pool="night", variant="scalar_rgb")
         farm.job(slices=4, pool="night", requires=("big", "new"))
-        census = farm.jobs.census()
+        census = take_census(farm.client)
         assert census.demand_for(pool="default").waiting == 1
         assert census.demand_for(pool="night").waiting == 6
         assert census.demand_for(pool="night", tags=()).waiting == 2
@@ -185,39 +185,39 @@ class TestDemand:
     def test_includes_what_is_rendered_so_that_nobody_stops_who_renders(self, farm: Farm) -> None:
         farm.job(slices=1)
         farm.lease()
-        assert farm.jobs.census().demand_for([]).slices == 1
+        assert take_census(farm.client).demand_for([]).slices == 1
 
     def test_may_leave_out_jobs_of_low_priority(self, farm: Farm) -> None:
         farm.job(slices=4)
         farm.job(slices=2, priority=-5)
-        assert farm.jobs.census(from_priority=-5).demand_for([]).waiting == 6
-        assert farm.jobs.census(from_priority=0).demand_for([]).waiting == 4
-        assert farm.jobs.census(from_priority=1).demand_for([]).waiting == 0
+        assert take_census(farm.client, from_priority=-5).demand_for([]).waiting == 6
+        assert take_census(farm.client, from_priority=0).demand_for([]).waiting == 4
+        assert take_census(farm.client, from_priority=1).demand_for([]).waiting == 0
 
     def test_of_a_farm_that_never_rendered_takes_a_second_for_each_slice(self, farm: Farm) -> None:
         farm.job(slices=3)
-        assert farm.jobs.census().demand_for([]).work_s == 3
+        assert take_census(farm.client).demand_for([]).work_s == 3
 
     def test_takes_as_long_as_the_slices_of_the_job_took(self, farm: Farm) -> None:
         _, owned = farm.job(slices=5)
         farm.commit(farm.lease())  # in half a second
         farm.lease()
-        assert farm.jobs.census().demand_for([]).work_s == 2  # three that wait and one leased
+        assert take_census(farm.client).demand_for([]).work_s == 2  # three that wait and one leased
         # If the monitor expects it to end after 41 slices
         farm.owners.plan(owned, range(6), expected_spp=41 * 25)
-        demand = farm.jobs.census().demand_for([])
+        demand = take_census(farm.client).demand_for([])
         assert (demand.left, demand.work_s) == (40, 20)
         # And another job begins, of which nothing is known yet
         farm.job(slices=2)
-        assert farm.jobs.census().demand_for([]).work_s == 21
+        assert take_census(farm.client).demand_for([]).work_s == 21
 
     def test_ends_with_what_may_be_leased_though_its_end_seems_far(self, farm: Farm) -> None:
         _, owned = farm.job(slices=2)
         farm.owners.plan(owned, range(2), expected_spp=1000)
         farm.commit(farm.lease())
-        assert farm.jobs.census().demand_for([]).work_s == 0.5 * 39
+        assert take_census(farm.client).demand_for([]).work_s == 0.5 * 39
         farm.lease()
-        assert farm.jobs.census().demand_for([]).work_s == 0.5
+        assert take_census(farm.client).demand_for([]).work_s == 0.5
 
 
 class TestJobs:
@@ -228,21 +228,24 @@ class TestJobs:
         rendering, _ = farm.job(priority=1)
         farm.lease()
         farm.jobs.pause(rendering.id)
-        assert farm.jobs.census().jobs == {"queued": 1, "rendering": 1, "paused": 1}
-        assert (farm.jobs.census().jobs_created, farm.jobs.census().jobs_stored) == (3, 3)
+        assert take_census(farm.client).jobs == {"queued": 1, "rendering": 1, "paused": 1}
+        assert (take_census(farm.client).jobs_created, take_census(farm.client).jobs_stored) == (
+            3,
+            3,
+        )
 
     def test_end_once(self, farm: Farm) -> None:
         job, owned = farm.job()
         for _ in range(2):
             farm.jobs.cancel(job.id)
         farm.owners.finish(owned, keeps_sums=False)
-        census = farm.jobs.census()
+        census = take_census(farm.client)
         assert census.jobs_ended == {"converged": 0, "exhausted": 0, "cancelled": 1, "failed": 0}
         assert sum(census.jobs.values()) == 0
         # And that is remembered when the job itself is forgotten
         assert Scripts(farm.client).run(Forget(job=job.id, finished_for_ms=0)) == "forgotten"
-        assert farm.jobs.census().jobs_ended["cancelled"] == 1
-        assert farm.jobs.census().jobs_stored == 0
+        assert take_census(farm.client).jobs_ended["cancelled"] == 1
+        assert take_census(farm.client).jobs_stored == 0
 
     @pytest.mark.parametrize("end", [JobState.CONVERGED, JobState.EXHAUSTED])
     def test_save_samples_where_they_converge(self, farm: Farm, end: JobState) -> None:
@@ -252,7 +255,7 @@ class TestJobs:
         farm.owners.append_point(owned, 50, {})
         farm.owners.end(owned, end, "rule", "the end")
         saved = (1000 - 50) * PIXELS if end is JobState.CONVERGED else 0
-        assert farm.jobs.census().samples_saved == saved
+        assert take_census(farm.client).samples_saved == saved
         assert farm.client.hget(keys.job(job.id), "state") == end
 
     def test_queue_from_their_creation_to_their_first_slice(self, farm: Farm) -> None:
@@ -261,22 +264,22 @@ class TestJobs:
         created_at = farm.jobs.now_ms() - age_s * 1000
         farm.client.hset(keys.job(old.id), "created_at", created_at)
         farm.job()
-        assert age_s <= farm.jobs.census().queue_age_s < age_s + 60
+        assert age_s <= take_census(farm.client).queue_age_s < age_s + 60
         held = farm.lease()
         assert held.job_id == old.id
-        assert farm.jobs.census().queue_age_s >= age_s  # nothing is rendered of it yet
+        assert take_census(farm.client).queue_age_s >= age_s  # nothing is rendered of it yet
         farm.commit(held)
-        assert farm.jobs.census().queue_age_s < 60
+        assert take_census(farm.client).queue_age_s < 60
 
 
 def test_workers_are_counted_by_what_they_do(farm: Farm) -> None:
     farm.worker("a").heartbeat({"job": None, "trouble": None}, ())
     farm.worker("b").heartbeat({"job": "0123456789ab", "trouble": None}, ())
     farm.worker("c").heartbeat({"job": "0123456789ab", "trouble": "the disk is full"}, ())
-    assert farm.jobs.census().workers == {"idle": 1, "rendering": 1, "out_of_service": 1}
+    assert take_census(farm.client).workers == {"idle": 1, "rendering": 1, "out_of_service": 1}
     # Silent ones are gone
     farm.client.zadd(keys.WORKERS, {"a": farm.jobs.now_ms() - 20_000})
-    assert farm.jobs.census().workers["idle"] == 0
+    assert take_census(farm.client).workers["idle"] == 0
 
 
 class TestMonitors:
@@ -288,7 +291,7 @@ class TestMonitors:
         work.merges.note(0.02)
         work.evaluations.note(1.5)
         work.heartbeat(jobs=3)
-        census = farm.jobs.census()
+        census = take_census(farm.client)
         assert (census.monitors, census.jobs_owned) == (1, 3)
         assert dict(census.merges.buckets)[0.025] == 2
         assert dict(census.merges.buckets)[0.01] == 0
@@ -301,7 +304,7 @@ class TestMonitors:
             work.merges.note(0.25)
             work.heartbeat(jobs=1)
             work.sign_off()
-        census = farm.jobs.census()
+        census = take_census(farm.client)
         assert (census.monitors, census.jobs_owned) == (0, 0)
         assert census.merges.sum_s == pytest.approx(0.5)
 
@@ -309,12 +312,12 @@ class TestMonitors:
         MonitorWork(farm.client, "m-1", lease_s=0.2).heartbeat(jobs=1)
         MonitorWork(farm.client, "m-2", lease_s=60).heartbeat(jobs=5)
         time.sleep(0.25)
-        assert (farm.jobs.census().monitors, farm.jobs.census().jobs_owned) == (1, 5)
+        assert (take_census(farm.client).monitors, take_census(farm.client).jobs_owned) == (1, 5)
 
 
 def test_a_sweep_is_noted(farm: Farm) -> None:
     note_sweep(farm.client)
-    swept_at = farm.jobs.census().swept_at
+    swept_at = take_census(farm.client).swept_at
     assert swept_at is not None
     assert abs(swept_at - farm.jobs.now_ms() / 1000) < 60
 
@@ -326,10 +329,9 @@ def test_a_census_does_not_look_at_jobs_that_are_finished(farm: Farm) -> None:
         farm.owners.finish(owned, keeps_sums=False)
     for _ in range(3):
         farm.job(slices=1)
-    scripts = Scripts(farm.client)
-    take_census(scripts)  # from now on Redis knows the script
+    take_census(farm.client)  # from now on Redis knows the script
     farm.client.config_resetstat()
-    take_census(scripts)
+    take_census(farm.client)
     calls = {name: of["calls"] for name, of in farm.client.info("commandstats").items()}
     # One round trip, and in it one look at each open job
     assert (calls["cmdstat_evalsha"], calls["cmdstat_hmget"]) == (1, 3)

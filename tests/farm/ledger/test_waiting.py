@@ -14,10 +14,10 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model.fit import Kind
+from plateau.farm.model.fit import WorkerClass
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands import slices as commands
 from plateau.farm.redis.commands.jobs import End, Pause, Reprioritise, Resume
@@ -30,10 +30,10 @@ from tests.support.until import until
 
 LEASE_S = 600  # nothing runs out by itself
 WORKERS = {
-    "gpu": Kind(("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"), tags=("gpu", "highmem")),
-    "cpu": Kind(("llvm_ad_rgb", "scalar_rgb")),
-    "old": Kind(("scalar_rgb",), tags=("highmem",)),
-    "far": Kind(("llvm_ad_rgb", "scalar_rgb"), pool="far", tags=("gpu",)),
+    "gpu": WorkerClass(("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"), tags=("gpu", "highmem")),
+    "cpu": WorkerClass(("llvm_ad_rgb", "scalar_rgb")),
+    "old": WorkerClass(("scalar_rgb",), tags=("highmem",)),
+    "far": WorkerClass(("llvm_ad_rgb", "scalar_rgb"), pool="far", tags=("gpu",)),
 }
 LONG_AGO, LONG_TO_COME, USUAL_MS = "1", "9000000000000", 500
 
@@ -273,7 +273,9 @@ class History:
             self.owners.reject(owned, records[b % len(records)], "its partial is spoiled")
 
 
-def scan(client: redis.Redis, kind: Kind, worker: str, loaded: str, *, in_turn: bool) -> str | None:
+def scan(
+    client: redis.Redis, kind: WorkerClass, worker: str, loaded: str, *, in_turn: bool
+) -> str | None:
     """The job that the next slice is of, by looking at every open one, its stream included."""
     of_owner: dict[str, int] = defaultdict(int)
     in_group: dict[object, int] = defaultdict(int)
@@ -323,7 +325,7 @@ def left_out_of(client: redis.Redis, worker: str) -> set[str]:
     return set((client.hget(keys.worker(worker), "left_out") or "").split()[::2])
 
 
-def suits(kind: Kind, job: dict[str, str]) -> bool:
+def suits(kind: WorkerClass, job: dict[str, str]) -> bool:
     spec, wanted = (
         JobSpec.model_validate_json(job["spec"]),
         job.get("variant", job["asked_variant"]),
@@ -335,7 +337,9 @@ def suits(kind: Kind, job: dict[str, str]) -> bool:
     )
 
 
-def late_slices(client: redis.Redis, kind: Kind, worker: str, dawdling: set[str]) -> dict[str, int]:
+def late_slices(
+    client: redis.Redis, kind: WorkerClass, worker: str, dawdling: set[str]
+) -> dict[str, int]:
     """Of each of these jobs that this worker may help, the slice that holds it up."""
     found = {}
     mine = dawdling - left_out_of(client, worker)

@@ -47,7 +47,7 @@ def test_a_drained_worker_finishes_what_it_has_and_takes_no_more(
         workers.drain("noise")  # repeating it is harmless
         # Then there is nothing for it, it says so, and what it has in hand counts
         assert farm.lease() is None
-        assert [one.drained for one in farm.jobs.workers()] == [True]
+        assert [one.drained for one in Workers(farm.client).living()] == [True]
         assert farm.commit(lease) is Committed.COMMITTED
         # A heartbeat does not forget it
         farm.queue.heartbeat(about("noise"), ())
@@ -55,7 +55,7 @@ def test_a_drained_worker_finishes_what_it_has_and_takes_no_more(
         # And it can work again
         workers.resume("noise")
         workers.resume("noise")
-        assert [one.drained for one in farm.jobs.workers()] == [False]
+        assert [one.drained for one in Workers(farm.client).living()] == [False]
         farm.render(1)
 
 

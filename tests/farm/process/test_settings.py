@@ -34,6 +34,16 @@ def test_heartbeats_follow_a_shorter_lease(
     assert Settings().heartbeat_s == heartbeat_s
 
 
+def test_a_path_may_begin_at_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/ada")
+    monkeypatch.setenv("PLATEAU_DATA", "~/farm")
+    monkeypatch.setenv("PLATEAU_KEY_FILE", "~/.key")
+    monkeypatch.setenv("PLATEAU_SCENE_ROOTS", "assets=~/assets")
+    settings = Settings()
+    assert (str(settings.data), str(settings.key_file)) == ("/home/ada/farm", "/home/ada/.key")
+    assert str(settings.scene_roots[0].path) == "/home/ada/assets"
+
+
 def test_a_lease_lasts_some_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PLATEAU_LEASE_S", raising=False)
     monkeypatch.setenv("PLATEAU_HEARTBEAT_S", "6")

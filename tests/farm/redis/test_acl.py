@@ -8,7 +8,7 @@ import pytest
 import redis
 
 import plateau.farm.ledger.queue
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
@@ -20,7 +20,7 @@ from plateau.farm.model.errors import NotPermitted, StoreUnavailable
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
 from plateau.farm.redis.commands.command import Command

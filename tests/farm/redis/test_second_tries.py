@@ -8,9 +8,10 @@ import redis
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
 
@@ -127,7 +128,7 @@ def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
         ("committed", "quick"),
         ("duplicate", "slow"),
     ]
-    census = farm.jobs.census()
+    census = take_census(farm.client)
     assert (census.second_tries, census.wasted_s) == (1, 4.0)
     assert census.tries["duplicate"] == 1
     # Nothing of it is leased any more, and fair shares know it

@@ -8,7 +8,7 @@ import pytest
 import redis
 
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from tests.support.faults.redis_proxy import RedisProxy

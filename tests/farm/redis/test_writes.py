@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import pytest
 import redis
 
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.ledger.totals import note_sweep, take_census
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Incompatible
 from plateau.farm.redis import keys
@@ -84,7 +83,7 @@ def test_a_write_is_found_when_it_is_sent(client: redis.Redis) -> None:
     # But not what a script writes, or a test
     note_sweep(client)
     client.hset("a", "b", 1)
-    assert Jobs(client).census().swept_at is not None
+    assert take_census(client).swept_at is not None
 
 
 def _called_on_links(source: str) -> Iterator[tuple[int, str]]:

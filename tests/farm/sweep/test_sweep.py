@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.deletions import Deletions

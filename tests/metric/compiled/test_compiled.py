@@ -216,6 +216,6 @@ class TestWhatIsRefused:
 
 
 def test_nothing_that_does_not_ask_for_it_waits_for_a_compiler():
-    modules = "plateau.metric, plateau.commands, plateau.files.image_diff"
+    modules = "plateau.metric, plateau.commands, plateau.picture.diff"
     code = f"import sys, {modules}; sys.exit('numba' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

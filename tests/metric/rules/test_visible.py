@@ -59,7 +59,7 @@ def test_a_lucky_look_does_not_stop_it():
     last = verdicts(evidence(300), evidence(400), lucky)[-1]
     assert not last.stop
     assert last.numbers["estimate_pixels"] == 0 < last.numbers["trend_pixels"]
-    assert "reached now, but not by the trend" in last.reason
+    assert "reached now, but not yet by the trend" in last.reason
 
 
 def test_nor_does_a_lucky_trend():

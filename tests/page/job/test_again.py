@@ -7,15 +7,17 @@ from typing import Any
 import httpx
 import pytest
 import redis
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
 from tests.support.farms.staged_job import StagedJob
+from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
 PARAMETERS = {"width": "64", "height": "48"}
@@ -52,7 +54,12 @@ def sent(page: Page, farm: NoiseFarm) -> dict[str, Any]:
 
 def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm, url: str) -> None:
     first = ended(farm, url, name="kitchen", max_spp=400, rule={"name": "fixed", "spp": 300})
-    page = visit(f"/jobs/{first['id']}", expected={404, 422}).page
+    # One that has not ended has no such way, and one that has not failed says of no failure
+    page = visit(f"/jobs/{farm.submit('box').id}", expected={404, 422}).page
+    expect(page.get_by_role("heading", name="box")).to_be_visible()
+    expect(page.get_by_role("link", name="Again…")).to_have_count(0)
+    page.goto(f"/jobs/{first['id']}")
+    expect(page.get_by_role("region", name="Why it failed")).to_be_hidden()
     page.get_by_role("link", name="Again…").click()
     expect(page).to_have_url(re.compile(rf"/submit\?again={first['id']}$"))
     expect(page.get_by_role("heading", name="Render kitchen again")).to_be_visible()
@@ -95,8 +102,6 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
             "aovs": ["albedo", "depth"],
             "exr": {"precision": "half", "compression": "zip"},
             "zones": [4, 4],
-        },
-        {
             "batch": "walk",
             "keep_slices": True,
             "priority": -5,
@@ -118,18 +123,6 @@ def test_what_is_not_changed_is_as_it_was(
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     spec = sent(page, farm)
     assert spec == first["spec"]
-
-
-def test_a_higher_cap_keeps_the_samples(visit: Visit, farm: NoiseFarm, url: str) -> None:
-    job = rendered(farm, url)
-    page = visit(f"/jobs/{job['id']}", expected={422}).page
-    page.get_by_role("link", name="Again…").click()
-    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
-    page.get_by_label("At most").fill("100")
-    page.get_by_role("button", name="Render it").click()
-    expect(page.get_by_text("It keeps 50 spp of an earlier job.")).to_be_visible()
-    new = farm.jobs.get(page.url.rpartition("/")[2])
-    assert (new.again.of, new.again.kept_spp, new.spec.max_spp) == (job["id"], 50, 100)
 
 
 def test_kept_slices_are_judged_again_under_another_view(
@@ -162,19 +155,6 @@ def test_a_notice_s_url_is_left_out_and_the_form_says_so(
     assert sent(page, farm)["notice"] == {"url": None, "targets": []}
 
 
-def test_a_job_that_is_not_there_is_said(visit: Visit) -> None:
-    page = visit("/submit?again=0123456789ab", expected={404}).page
-    expect(page.get_by_role("alert").filter(has_text="there is no job")).to_be_visible()
-    page.get_by_role("link", name="Submit a scene").last.click()
-    expect(page.locator("#scene-file")).to_be_attached()
-
-
-def test_a_job_that_has_not_ended_has_no_such_way(visit: Visit, farm: NoiseFarm) -> None:
-    page = visit(f"/jobs/{farm.submit('box').id}").page
-    expect(page.get_by_role("heading", name="box")).to_be_visible()
-    expect(page.get_by_role("link", name="Again…")).to_have_count(0)
-
-
 def test_a_notice_that_is_not_delivered_is_said(visit: Visit, client: redis.Redis) -> None:
     job = StagedJob(client, notice={"url": "https://studio.example/hook", "secret": SECRET})
     job.end(JobState.CANCELLED, "not needed")
@@ -186,3 +166,61 @@ def test_a_notice_that_is_not_delivered_is_said(visit: Visit, client: redis.Redi
     expect(page.locator(".notes")).to_have_text(
         "The notice to https://studio.example:443 was given up: the receiver answered 410"
     )
+
+
+A_JOB = re.compile("/jobs/[0-9a-f]{12}$")
+KILLED = "the render process was ended by SIGKILL while rendering a pass"
+
+
+def why(page: Page) -> Locator:
+    return page.get_by_role("region", name="Why it failed")
+
+
+@pytest.fixture
+def poisoned(farm: NoiseFarm, url: str) -> str:
+    """A job on whose first slice the renderers of two workers died."""
+    asked = {"name": "kitchen", "max_spp": 400, "seed": 7}
+    files = {"scene": ("box.xml", scene()), "spec": ("spec.json", json.dumps(asked))}
+    job_id: str = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()["id"]
+    queues = [SliceQueue(farm.jobs._redis, name, 60) for name in ("west", "east", "west")]
+    with farm.monitor():
+        farm.queue = queues[0]
+        for number, queue in enumerate(queues):
+            farm.queue = queue
+            lease = farm.next_lease()
+            queue.died(lease, KILLED, 0.2, f"out of memory, try {number}")
+    assert farm.jobs.get(job_id).state is JobState.FAILED
+    return job_id
+
+
+def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
+    visit: Visit, farm: NoiseFarm, poisoned: str
+) -> None:
+    page = visit(f"/jobs/{poisoned}", expected={404}).page
+    expect(page.locator(".reason")).to_have_text(
+        f"Slice 0 failed 3 times; each time the process that rendered it ended: {KILLED}."
+    )
+    expect(why(page)).to_contain_text("too little memory for the scene")
+    expect(why(page)).to_contain_text("Slice 0 was tried 3 times, by 2 workers.")
+    expect(why(page).locator("pre")).to_have_text([f"out of memory, try {n}" for n in range(3)])
+    page.get_by_role("link", name="Again…").click()
+    expect(page.locator(".found")).to_contain_text("pixels")
+    page.get_by_role("button", name="Render it").click()
+    expect(page).to_have_url(A_JOB)
+    expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
+    expect(why(page)).to_have_count(0)
+    old, new = farm.jobs.get(poisoned), farm.jobs.get(page.url.rpartition("/")[2])
+    assert (new.state, new.spec, new.scene_sha256) == (JobState.QUEUED, old.spec, old.scene_sha256)
+
+
+def test_a_scene_at_fault_is_to_be_mended_and_not_tried_again(
+    visit: Visit, farm: NoiseFarm
+) -> None:
+    job = farm.submit("box")
+    with farm.monitor():
+        farm.queue.fail(farm.next_lease(), "unknown plugin 'spher'", 0.1, "in scene.xml, line 7")
+    page = visit(f"/jobs/{job.id}", expected={404}).page
+    expect(page.locator(".reason")).to_have_text("Unknown plugin 'spher'.")
+    expect(why(page)).to_contain_text("Mend it, and submit it.")
+    expect(why(page).locator("pre")).to_have_text("in scene.xml, line 7")
+    expect(why(page).get_by_role("button")).to_have_count(0)

@@ -12,13 +12,13 @@ import redis
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.metric import encode_srgb
 from plateau.metric.zones import zone_edges
-from plateau.service.judging.previews import kept
+from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
@@ -148,20 +148,24 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
 
 
-class TestTheImage:
-    def test_is_the_one_that_was_judged(self, shown: Page, finished: Finished) -> None:
-        assert (
-            pixels(shown.locator("img.layer").first)
-            == png(finished.farm.picture(finished.job, "image.png"))
-        ).all()
-
-    @pytest.mark.parametrize("ev", [-1.5, 2.0])
-    def test_is_seen_at_another_exposure(self, shown: Page, finished: Finished, ev: float) -> None:
-        layer = shown.locator("img.layer").first
-        shown.locator(".frame").press("1")
-        expect(shown.locator(".zoom")).to_have_text("100 %")
+def test_the_image_is_the_one_that_was_judged_at_any_exposure_and_size(
+    shown: Page, finished: Finished
+) -> None:
+    layer, frame = shown.locator("img.layer").first, shown.locator(".frame")
+    picture = png(finished.farm.picture(finished.job, "image.png"))
+    assert (pixels(layer) == picture).all()
+    frame.focus()
+    fitted = shown.locator(".zoom").inner_text()
+    for key in ("+", "+", "ArrowLeft"):
+        shown.keyboard.press(key)
+    assert "scale(2.25)" in (shown.locator(".sheet").get_attribute("style") or "")
+    shown.keyboard.press("0")
+    expect(shown.locator(".zoom")).to_have_text(fitted)
+    frame.press("1")
+    expect(shown.locator(".zoom")).to_have_text("100 %")
+    for ev in (-1.5, 2.0):
         shown.get_by_label("Exposure").fill(str(ev))
-        codes = png(finished.farm.picture(finished.job, "image.png")) / 255
+        codes = picture / 255
         light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
         # All but the edge, which the browser blends with what is behind it
         wanted = encode_srgb(light.astype(np.float32), ev).astype(np.int16)[1:-1, 1:-1]
@@ -171,123 +175,108 @@ class TestTheImage:
         shown.get_by_role("button", name="As judged").click()
         expect(layer).to_have_css("filter", "none")
 
-    def test_is_compared_with_earlier_ones_by_a_wipe(self, shown: Page, finished: Finished) -> None:
-        shown.get_by_role("button", name="Compare").click()
-        left, right = (shown.get_by_role("combobox", name=name) for name in ("Left", "Right"))
-        names = [f"{spp} spp" for spp in finished.previews]
-        expect(left.locator("option")).to_have_text([*names, "final image"])
-        below, above = (shown.locator(".side img").nth(number) for number in (0, 1))
-        expect(above).to_be_visible()
-        first, *_, second = finished.previews
-        is_shown(below, finished.preview(first))
-        is_shown(above, png(finished.farm.picture(finished.job, "image.png")))
-        shown.get_by_label("Wipe").fill("25")
-        upper = shown.locator(".side").last
-        expect(upper).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
-        # Any two of them
-        left.select_option(str(second))
-        right.select_option(str(first))
-        is_shown(below, finished.preview(second))
-        is_shown(above, finished.preview(first))
 
-    def test_is_wiped_by_pulling_on_it(self, shown: Page) -> None:
-        shown.get_by_role("button", name="Compare").click()
-        box = shown.locator(".frame").bounding_box()
-        assert box is not None
-        shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
-        shown.mouse.down()
-        shown.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 30)
-        shown.mouse.up()
-        assert float(shown.get_by_label("Wipe").input_value()) == pytest.approx(75, abs=1)
+def test_the_image_is_compared_with_earlier_ones_by_a_wipe(shown: Page, finished: Finished) -> None:
+    shown.get_by_role("button", name="Compare").click()
+    left, right = (shown.get_by_role("combobox", name=name) for name in ("Left", "Right"))
+    names = [f"{spp} spp" for spp in finished.previews]
+    expect(left.locator("option")).to_have_text([*names, "final image"])
+    below, above = (shown.locator(".side img").nth(number) for number in (0, 1))
+    expect(above).to_be_visible()
+    first, *_, second = finished.previews
+    is_shown(below, finished.preview(first))
+    is_shown(above, png(finished.farm.picture(finished.job, "image.png")))
+    # By pulling on it
+    box = shown.locator(".frame").bounding_box()
+    assert box is not None
+    shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    shown.mouse.down()
+    shown.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 30)
+    shown.mouse.up()
+    assert float(shown.get_by_label("Wipe").input_value()) == pytest.approx(75, abs=1)
+    shown.get_by_label("Wipe").fill("25")
+    upper = shown.locator(".side").last
+    expect(upper).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
+    # Any two of them
+    left.select_option(str(second))
+    right.select_option(str(first))
+    is_shown(below, finished.preview(second))
+    is_shown(above, finished.preview(first))
 
-    def test_shows_where_it_differs_visibly(self, shown: Page, finished: Finished) -> None:
-        shown.get_by_role("button", name="Difference", exact=True).click()
-        above = shown.locator("img.layer").last
-        expect(above).to_be_visible()
-        is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
-        # And where its noise is left to see
-        shown.get_by_role("button", name="Noise", exact=True).click()
-        is_shown(above, png(finished.farm.picture(finished.job, "noise.png")))
-        # Nothing of its image is broken, so no picture of that is offered
-        expect(shown.get_by_role("button", name="Broken")).to_be_hidden()
-        shown.get_by_label("Overlay").fill("40")
-        expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
 
-    def test_shows_its_zones(self, shown: Page, finished: Finished) -> None:
-        shown.get_by_role("button", name="Zones").click()
-        rects = shown.locator(".zones rect")
-        zones = finished.farm.jobs.curve(finished.job.id)[-1].zones
-        assert zones is not None
-        fractions = zones.visible_fraction
-        expect(rects).to_have_count(len(fractions) * len(fractions[0]))
-        edges = zone_edges(SIZE[1], len(fractions[0]))
-        xs = [float(x) for x in rects.evaluate_all("all => all.map(one => one.getAttribute('x'))")]
-        assert sorted(set(xs)) == edges[:-1]
-        shown.get_by_label("By zones").select_option("visible_fraction")
-        worst = max(max(row) for row in fractions)
-        expect(shown.locator(".zones")).to_contain_text(
-            f"{100 * worst:.3g} %".replace(" ", "\u00a0")[:4]
+def test_the_image_has_maps_over_it(shown: Page, finished: Finished) -> None:
+    shown.get_by_role("button", name="Difference", exact=True).click()
+    above = shown.locator("img.layer").last
+    expect(above).to_be_visible()
+    is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
+    # And where its noise is left to see
+    shown.get_by_role("button", name="Noise", exact=True).click()
+    is_shown(above, png(finished.farm.picture(finished.job, "noise.png")))
+    # Nothing of it is broken and all pixels have the same samples: no picture of that is offered
+    for name in ("Broken", "Samples"):
+        expect(shown.get_by_role("button", name=name, exact=True)).to_be_hidden()
+    expect(shown.locator(".facts")).to_contain_text(re.compile(r"200 spp(?! \()"))
+    shown.get_by_label("Overlay").fill("40")
+    expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
+    # And zones, whose noise is read out
+    shown.get_by_role("button", name="Zones").click()
+    rects = shown.locator(".zones rect")
+    zones = finished.farm.jobs.curve(finished.job.id)[-1].zones
+    assert zones is not None
+    fractions = zones.visible_fraction
+    expect(rects).to_have_count(len(fractions) * len(fractions[0]))
+    edges = zone_edges(SIZE[1], len(fractions[0]))
+    xs = [float(x) for x in rects.evaluate_all("all => all.map(one => one.getAttribute('x'))")]
+    assert sorted(set(xs)) == edges[:-1]
+    shown.get_by_label("By zones").select_option("visible_fraction")
+    worst = f"{100 * max(max(row) for row in fractions):.3g} %".replace(" ", "\u00a0")[:4]
+    expect(shown.locator(".zones")).to_contain_text(worst)
+
+
+def test_the_curve_is_read_by_keyboard_and_mouse_on_any_axis_and_as_a_table(
+    shown: Page, finished: Finished
+) -> None:
+    shown.locator(".plots").focus()
+    points = finished.farm.jobs.curve(finished.job.id)
+    for point in points[:2]:
+        shown.keyboard.press("ArrowRight")
+        for place in (shown.locator(".readout"), shown.locator("#said")):
+            expect(place).to_contain_text(f"{point.spp} spp")
+            expect(place).to_contain_text(f"{point.visible_pixels} px")
+    shown.keyboard.press("End")
+    expect(shown.locator(".readout")).to_contain_text("200 spp")
+    box = shown.locator(".plot .u-over").first.bounding_box()
+    assert box is not None
+    shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    expect(shown.locator(".readout")).to_contain_text("100 spp")
+    shown.mouse.move(0, 0)
+
+    def drawn() -> list[str]:
+        found: list[str] = shown.locator(".plot canvas").evaluate_all(
+            "all => all.map(one => one.toDataURL())"
         )
+        return found
 
-    def test_is_zoomed_and_moved_by_keyboard(self, shown: Page) -> None:
-        frame = shown.locator(".frame")
-        frame.focus()
-        fitted = shown.locator(".zoom").inner_text()
-        for key in ("+", "+", "ArrowLeft"):
-            shown.keyboard.press(key)
-        assert "scale(2.25)" in (shown.locator(".sheet").get_attribute("style") or "")
-        shown.keyboard.press("0")
-        expect(shown.locator(".zoom")).to_have_text(fitted)
-
-
-class TestTheCurve:
-    def test_is_walked_by_keyboard_and_read_out(self, shown: Page, finished: Finished) -> None:
-        shown.locator(".plots").focus()
-        points = finished.farm.jobs.curve(finished.job.id)
-        for point in points[:2]:
-            shown.keyboard.press("ArrowRight")
-            for place in (shown.locator(".readout"), shown.locator("#said")):
-                expect(place).to_contain_text(f"{point.spp} spp")
-                expect(place).to_contain_text(f"{point.visible_pixels} px")
-        shown.keyboard.press("End")
-        expect(shown.locator(".readout")).to_contain_text("200 spp")
-
-    def test_is_read_under_the_mouse(self, shown: Page) -> None:
-        plot = shown.locator(".plot .u-over").first
-        box = plot.bounding_box()
-        assert box is not None
-        shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-        expect(shown.locator(".readout")).to_contain_text("100 spp")
-
-    def test_is_drawn_on_every_kind_of_axis(self, shown: Page) -> None:
-        def drawn() -> list[str]:
-            found: list[str] = shown.locator(".plot canvas").evaluate_all(
-                "all => all.map(one => one.toDataURL())"
-            )
-            return found
-
-        before = drawn()
-        assert len(before) == 2
-        for toggle in shown.locator(".curve .toggle input").all():
-            toggle.click()
-            after = drawn()
-            assert after != before
-            before = after
-        shown.get_by_role("button", name="Zoom in", exact=True).click()
-        zoomed = drawn()
-        assert zoomed != before
-        shown.get_by_role("button", name="Show all of the curve").click()
-        assert drawn() == before
-
-    def test_has_its_points_as_a_table(self, shown: Page, finished: Finished) -> None:
-        shown.get_by_text("The points as a table").click()
-        rows = shown.locator(".points tbody tr")
-        points = finished.farm.jobs.curve(finished.job.id)
-        expect(rows).to_have_count(len(points))
-        expect(rows.last).to_contain_text(f"{points[-1].visible_pixels}")
+    before = drawn()
+    assert len(before) == 2
+    for toggle in shown.locator(".curve .toggle input").all():
+        toggle.click()
+        after = drawn()
+        assert after != before
+        before = after
+    shown.get_by_role("button", name="Zoom in", exact=True).click()
+    assert drawn() != before
+    shown.get_by_role("button", name="Show all of the curve").click()
+    assert drawn() == before
+    shown.get_by_text("The points as a table").click()
+    rows = shown.locator(".points tbody tr")
+    expect(rows).to_have_count(len(points))
+    expect(rows.last).to_contain_text(f"{points[-1].visible_pixels}")
 
 
-def test_its_records_are_there(shown: Page, finished: Finished) -> None:
+def test_its_records_are_there_and_its_files_can_be_saved(
+    shown: Page, finished: Finished, tmp_path: Path
+) -> None:
     shown.get_by_text("Who rendered it").click()
     expect(shown.get_by_role("cell", name="200", exact=True)).to_be_visible()
     expect(shown.locator("summary", has_text="1 worker, 8 slices")).to_be_visible()
@@ -295,11 +284,7 @@ def test_its_records_are_there(shown: Page, finished: Finished) -> None:
     expect(shown.get_by_text("8 slices went through without trouble.")).to_be_visible()
     shown.get_by_text("What was asked").click()
     expect(shown.get_by_label("The job's spec")).to_contain_text('"max_spp": 250')
-
-
-@pytest.mark.parametrize(
-    ("link", "name", "begins"),
-    [
+    for link, name, begins in (
         ("EXR", "image.exr", b"v/1\x01"),
         ("PNG", "image.png", b"\x89PNG"),
         ("Difference", "difference.png", b"\x89PNG"),
@@ -307,16 +292,12 @@ def test_its_records_are_there(shown: Page, finished: Finished) -> None:
         ("CSV", "curve.csv", b"spp,visible_pixels"),
         ("Report", "report.html", b"<!doctype html>"),
         ("Zip", "results.zip", b"PK"),
-    ],
-)
-def test_its_files_can_be_saved(
-    shown: Page, finished: Finished, tmp_path: Path, link: str, name: str, begins: bytes
-) -> None:
-    with shown.expect_download() as download:
-        shown.locator(".files").get_by_role("link", name=re.compile(f"^{link}")).click()
-    assert download.value.suggested_filename == f"{finished.job.id}-{name}"
-    download.value.save_as(tmp_path / name)
-    assert (tmp_path / name).read_bytes().startswith(begins)
+    ):
+        with shown.expect_download() as download:
+            shown.locator(".files").get_by_role("link", name=re.compile(f"^{link}")).click()
+        assert download.value.suggested_filename == f"{finished.job.id}-{name}"
+        download.value.save_as(tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(begins)
 
 
 def test_a_job_of_broken_pixels_shows_where_they_are(visit: Visit, farm: NoiseFarm) -> None:
@@ -341,21 +322,33 @@ def test_a_job_of_broken_pixels_shows_where_they_are(visit: Visit, farm: NoiseFa
     expect(page.locator(".files").get_by_role("link", name="Broken")).to_be_visible()
 
 
-def test_a_job_that_is_not_there_is_said_so(visit: Visit) -> None:
-    visitor = visit("/jobs/0123456789ab", expected={404})
-    expect(visitor.page.get_by_role("heading", name="There is no such job")).to_be_visible()
-    expect(visitor.page.get_by_role("link", name="All jobs")).to_be_visible()
+def test_what_is_not_there_is_said_so(visit: Visit) -> None:
+    page = visit("/jobs/0123456789ab", expected={404}).page
+    expect(page.get_by_role("heading", name="There is no such job")).to_be_visible()
+    expect(page.get_by_role("link", name="All jobs")).to_be_visible()
+    # Nor can it be rendered again
+    page.goto("/submit?again=0123456789ab")
+    expect(page.get_by_role("alert").filter(has_text="there is no job")).to_be_visible()
+    page.get_by_role("link", name="Submit a scene").last.click()
+    expect(page.locator("#scene-file")).to_be_attached()
+    # And there are paths without a screen
+    page.goto("/job/box")
+    expect(page.get_by_role("heading", name="There is nothing here")).to_be_visible()
+    expect(page.get_by_text("No page of this farm is at /job/box.")).to_be_visible()
+    page.get_by_role("link", name="Show the jobs").click()
+    expect(page.get_by_role("heading", name="Jobs", exact=True)).to_be_visible()
 
-    def test_has_a_plot_of_the_values_of_a_rule_with_its_own(
-        self, visit: Visit, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client, watch=[{"name": "jod", "target": 9.5}])
-        job.commit(8)
-        for spp, jod in ((100, None), (200, 9.1)):
-            job.point(spp, 9, rules={"jod": {"value": jod, "stop": False}})
-        page = visit(f"/jobs/{job.id}", expected={404}).page
-        expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
-        expect(page.locator(".plot canvas")).to_have_count(3)
-        page.locator(".plots").focus()
-        page.keyboard.press("End")
-        expect(page.locator(".readout")).to_contain_text("quality 9.10 JOD")
+
+def test_the_curve_has_a_plot_of_the_values_of_a_rule_with_its_own(
+    visit: Visit, client: redis.Redis
+) -> None:
+    job = StagedJob(client, watch=[{"name": "jod", "target": 9.5}])
+    job.commit(8)
+    for spp, jod in ((100, None), (200, 9.1)):
+        job.point(spp, 9, rules={"jod": {"value": jod, "stop": False}})
+    page = visit(f"/jobs/{job.id}", expected={404}).page
+    expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
+    expect(page.locator(".plot canvas")).to_have_count(3)
+    page.locator(".plots").focus()
+    page.keyboard.press("End")
+    expect(page.locator(".readout")).to_contain_text("quality 9.1 JOD")

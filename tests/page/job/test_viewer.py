@@ -4,19 +4,27 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
+from plateau.farm.images.exr import Pixels, decode_partial
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from plateau.metric import encode_srgb
+from plateau.picture.merge import Merge
+from plateau.picture.previews import kept
 from tests.page.conftest import Visit
-from tests.page.job.test_job import is_shown, png
+from tests.page.job.test_job import SPEC, is_shown, png
+from tests.page.test_access import violations
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.long_tests import rare
 from tests.support.processes.browser import Visitor
+from tests.support.until import until
 
-SPEC = {"step": 25, "max_spp": 50, "rule": {"name": "fixed", "spp": 50}}
+SHORT = {"step": 25, "max_spp": 50, "rule": {"name": "fixed", "spp": 50}}
 
 
 @dataclass(frozen=True)
@@ -37,8 +45,8 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
     client = connect(server.url)
     farm = NoiseFarm(client, server.url, folder)
     with farm.monitor():
-        one = farm.finish(farm.submit("dusk", **SPEC))
-        other = farm.finish(farm.submit("dawn", **SPEC, seed=7))
+        one = farm.finish(farm.submit("dusk", **SHORT))
+        other = farm.finish(farm.submit("dawn", **SHORT, seed=7))
     with live_api(server.url, farm.store) as url:
         yield Two(farm, one, other, url)
     client.close()
@@ -79,7 +87,7 @@ def test_pixels_are_crisp(page: Page, two: Two) -> None:
 
 
 class TestTwoJobs:
-    def test_are_compared_and_flipped(self, page: Page, two: Two) -> None:
+    def test_are_compared_and_flipped(self, page: Page, two: Two, looker: Visitor) -> None:
         page.get_by_role("button", name="Compare").click()
         page.get_by_label("The other job").select_option(two.other.id)
         for side in ("Left", "Right"):
@@ -102,8 +110,7 @@ class TestTwoJobs:
         # A reload comes back to the same two
         page.reload()
         expect(page.get_by_label("The other job")).to_have_value(two.other.id)
-
-    def test_are_chosen_in_the_list(self, page: Page, two: Two) -> None:
+        # They are chosen in the list, too
         page.goto("/")
         page.get_by_role("checkbox", name="Select dusk").check()
         link = page.get_by_role("link", name="Compare", exact=True)
@@ -112,8 +119,80 @@ class TestTwoJobs:
         link.click()
         expect(page).to_have_url(re.compile(r"/jobs/\w+\?with=\w+$"))
         expect(page.locator(".side").last).to_be_visible()
-
-    def test_a_job_of_another_size_is_refused(self, visit: Visit, two: Two) -> None:
-        visitor = visit(f"/jobs/{two.one.id}?with=0123456789ab", url=two.url, expected={404})
+        # One that is not there, or of another size, is said so
+        looker.expected = {404}
+        page.goto(f"/jobs/{two.one.id}?with=0123456789ab")
         hint = "Job 0123456789ab has no image of 32 × 24 pixels to compare."
-        expect(visitor.page.get_by_text(hint)).to_be_visible()
+        expect(page.get_by_text(hint)).to_be_visible()
+        looker.expected = set()
+
+
+def finished(farm: NoiseFarm, **spec: object) -> Job:
+    job = farm.submit("box", **{**SPEC, **spec})
+    with farm.monitor():
+        farm.render(8)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    return farm.jobs.get(job.id)
+
+
+def merged(farm: NoiseFarm, job: Job, spp: int) -> Pixels:
+    """The linear image of a job's first slices."""
+    merge = Merge(slice_spp=25)
+    ledger = farm.jobs.ledger(job.id)
+    for index in range(spp // 25):
+        merge.add(decode_partial(farm.store.get(ledger[index]["blob"])).pixels)
+    return merge.image()
+
+
+def side(page: Page, number: int, kind: str) -> Locator:
+    return page.locator(f".side {kind}").nth(number)
+
+
+class TestAJobThatKeptItsSlices:
+    def test_any_two_points_of_its_curve_at_one_exposure(
+        self, visit: Visit, farm: NoiseFarm
+    ) -> None:
+        job = finished(farm, keep_slices=True)
+        page = visit(f"/jobs/{job.id}").page
+        page.get_by_role("button", name="Compare").click()
+        left, right = (page.get_by_role("combobox", name=name) for name in ("Left", "Right"))
+        points = [point.spp for point in farm.jobs.curve(job.id)]
+        assert len(kept(farm.store, job.id)) < len(points) == 8
+        for select in (left, right):
+            names = [f"{spp} spp" for spp in points]
+            expect(select.locator("option")).to_have_text([*names, "final image"])
+        for one, other in ((75, 175), (175, 50)):
+            left.select_option(str(one))
+            right.select_option(str(other))
+            for number, spp in ((0, one), (1, other)):
+                picture = encode_srgb(merged(farm, job, spp), 0).astype(np.int16)
+                is_shown(side(page, number, "img"), picture)
+        expect(page.get_by_text("Every point of the curve")).to_be_visible()
+        both = [side(page, number, "img") for number in (0, 1)]
+        page.get_by_label("Exposure").fill("3.5")
+        for image in both:
+            expect(image).to_have_css("filter", 'url("#exposure")')
+        expect(page.get_by_text("white areas stay flat")).to_be_visible()
+        # The image alone keeps it, and a map has none
+        page.get_by_role("button", name="Image", exact=True).click()
+        expect(both[0]).to_have_css("filter", 'url("#exposure")')
+        expect(page.locator(".side").last).to_be_hidden()
+        page.get_by_role("button", name="Difference").click()
+        expect(both[0]).to_have_css("filter", "none")
+
+
+@pytest.mark.parametrize("scheme", ["light", *rare("dark")])
+def test_anybody_can_compare(visit: Visit, farm: NoiseFarm, scheme: str) -> None:
+    job = finished(farm)
+    page = visit(f"/jobs/{job.id}", color_scheme=scheme, bypass_csp=True).page
+    page.get_by_role("button", name="Compare").click()
+    expect(side(page, 0, "img")).to_be_visible()
+    # It kept some pictures, and says so
+    count = len(kept(farm.store, job.id))
+    words = f"The job kept pictures of {count} point{'s' if count > 1 else ''} out of 8"
+    expect(page.get_by_text(words)).to_be_visible()
+    page.get_by_label("Exposure").focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    expect(page.get_by_text("+0.3 EV")).to_be_visible()
+    assert violations(page) == []

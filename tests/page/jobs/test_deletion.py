@@ -32,22 +32,6 @@ def done(page: Page) -> Locator:
     return page.get_by_role("region", name="Done")
 
 
-def test_a_deleted_job_is_gone_at_once_and_an_undo_brings_it_back(
-    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
-) -> None:
-    page = visit().page
-    choose(page, "one", "Delete")
-    expect(done(page)).to_contain_text("one is deleted.")
-    expect(page.get_by_role("status").filter(has_text="one is deleted")).to_have_count(1)
-    expect(names(page)).to_have_text(["waits", "frame", "two"])
-    assert farm.jobs.get(jobs["one"].id).deleted_at is not None
-    # By keyboard
-    done(page).get_by_role("button", name="Undo").press("Enter")
-    expect(names(page)).to_have_text(["waits", "frame", "two", "one"])
-    expect(done(page)).to_be_hidden()
-    assert farm.jobs.get(jobs["one"].id).deleted_at is None
-
-
 def test_many_go_at_once_and_come_back(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]) -> None:
     page = visit().page
     bar = page.get_by_role("region", name="Selected jobs")
@@ -77,19 +61,6 @@ def test_many_go_at_once_and_come_back(visit: Visit, farm: NoiseFarm, jobs: dict
     expect(names(page)).to_have_text(["waits", "two", "one"])
 
 
-def test_a_batch_goes_as_one(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]) -> None:
-    farm.submit("next", batch="walk")
-    page = visit().page
-    choose(page, "the batch walk", "Delete")
-    expect(done(page)).to_contain_text("1 job of walk is deleted.")
-    expect(names(page)).to_have_text(["next", "waits", "two", "one"])
-    page.get_by_role("combobox", name="Show").select_option("deleted")
-    expect(names(page)).to_have_text(["frame"])
-    choose(page, "the batch walk", "Restore")
-    expect(page.get_by_text("No job matches.")).to_be_visible()
-    assert farm.jobs.get(jobs["frame"].id).deleted_at is None
-
-
 def test_the_undo_of_a_batch_leaves_what_was_deleted_before(
     visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
 ) -> None:
@@ -103,12 +74,27 @@ def test_the_undo_of_a_batch_leaves_what_was_deleted_before(
     put_back = [farm.jobs.get(job.id).deleted_at for job in (other, jobs["frame"])]
     assert put_back == [None, None]
     assert farm.jobs.get(before.id).deleted_at is not None
+    # A batch is restored as one, too
+    page.get_by_role("combobox", name="Show").select_option("deleted")
+    expect(page.locator(".job")).to_have_count(1)
+    choose(page, "the batch walk", "Restore")
+    expect(page.get_by_text("No job matches.")).to_be_visible()
+    assert farm.jobs.get(before.id).deleted_at is None
 
 
 def test_the_screen_of_a_job_says_so_and_restores_it(
     visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
 ) -> None:
-    page = visit(f"/jobs/{jobs['two'].id}").page
+    # One that is deleted in the list is gone at once, and an undo brings it back
+    page = visit().page
+    choose(page, "one", "Delete")
+    expect(done(page)).to_contain_text("one is deleted.")
+    expect(names(page)).to_have_text(["waits", "frame", "two"])
+    assert farm.jobs.get(jobs["one"].id).deleted_at is not None
+    done(page).get_by_role("button", name="Undo").press("Enter")
+    expect(names(page)).to_have_text(["waits", "frame", "two", "one"])
+    assert farm.jobs.get(jobs["one"].id).deleted_at is None
+    page.goto(f"/jobs/{jobs['two'].id}")
     actions = page.get_by_role("group", name="Actions")
     actions.get_by_role("button", name="Delete").click()
     expect(page.locator(".one-job .summary").first).to_contain_text("deleted just now")

@@ -46,6 +46,16 @@ def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[s
     expect(page.get_by_text("No job matches")).to_be_visible()
     page.get_by_role("link", name="Show all jobs").click()
     expect(names(page)).to_have_count(3)
+    # So are filters
+    page.get_by_role("combobox", name="State").select_option("cancelled")
+    expect(page).to_have_url(re.compile(r"\?state=cancelled$"))
+    expect(page.get_by_text("No job matches")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("combobox", name="State")).to_have_value("cancelled")
+    page.get_by_role("combobox", name="State").select_option("")
+    page.get_by_role("combobox", name="Batch").select_option("dusk")
+    expect(page).to_have_url(re.compile(r"\?batch=dusk$"))
+    expect(names(page)).to_have_text(["frame-10"])
 
 
 def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) -> None:
@@ -65,13 +75,3 @@ def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) ->
     page.go_back()
     expect(order).to_have_value("priority")
     expect(names(page)).to_have_text(["frame-9", "frame-10"])
-
-
-def test_a_search_reaches_jobs_that_are_not_shown_yet(visit: Visit, farm: NoiseFarm) -> None:
-    farm.submit("needle")
-    for number in range(60):
-        farm.submit(f"straw-{number}")
-    page = visit().page
-    expect(names(page)).to_have_count(50)
-    page.get_by_role("searchbox", name="Search the jobs").fill("needle")
-    expect(names(page)).to_have_text(["needle"])

@@ -31,7 +31,7 @@ def test_a_shot_is_looked_at_from_its_first_frame_to_its_judgement(
     jobs = farm.jobs.search(batch="walk")[0][::-1]
     with farm.monitor():
         farm.work(lambda: all(farm.is_finished(job) for job in jobs))
-    expect(dialog).to_contain_text("It was judged.", timeout=30_000)
+    expect(dialog).to_contain_text("It was judged.")
     expect(dialog).to_contain_text("In motion it has an estimated")
     expect(dialog.get_by_role("img", name="The film of its newest images")).to_be_visible()
     expect(dialog.get_by_role("img", name="Where noise is seen in motion")).to_be_visible()

@@ -16,8 +16,7 @@ from plateau import ApiError, Client, ClientError, Unreachable
 from plateau.client import BadUrl, NotPlateau
 from plateau.commands import app
 from plateau.commands.connect import connect
-from plateau.errors import OtherVersion
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode, OtherVersion
 from plateau.farm.model import versions
 from plateau.farm.wire.views import JobPage
 

@@ -120,7 +120,10 @@ class TestLists:
             ("n=1..8..3", ["1", "4", "7"]),
             ("n=1..8:3", ["1", "4", "7"]),
             ("n=red,blue", ["red", "blue"]),
-            ("n=0.5,1..2", ["0.5", "1..2"]),
+            ("n=0.5,1..2", ["0.5", "1", "2"]),
+            ("n=1..3,7", ["1", "2", "3", "7"]),
+            ("n=008..010", ["008", "009", "010"]),
+            ("n=2026-11-27", ["2026-11-27"]),
         ],
     )
     def test_of_one_parameter(self, text: str, values: list[str]) -> None:
@@ -151,6 +154,11 @@ class TestLists:
             (["n=1..2", "n=3..4"], "one parameter twice"),
             (["n=1..8:0"], r"a range as 0..99 or 0..99:2.* not '1..8:0'"),
             (["n=0..1.5"], "a range as"),
+            (["n=1-10"], r"did you mean 1\.\.10\?"),
+            (["n=4,1-10x3"], r"did you mean 1\.\.10:3\?"),
+            (["n=1:10"], r"did you mean 1\.\.10\?"),
+            (["n=1,2,1"], "jobs 1 and 3 would be the same: n=1"),
+            (["n=1,,2"], "no value before or after"),
             (["n=0..1000"], "makes 1,001 jobs"),
             (["n=0..999999999"], "makes 1,000,000,000 jobs"),
             (["n=1..100", "m=1..11"], "makes 1,100 jobs"),
@@ -177,6 +185,7 @@ class TestLists:
         [
             ("", "has no entries"),
             ("a,b\n", "has no entries"),
+            ('[{"a": 1}, {"a": "1"}]', "jobs 1 and 2 would be the same: a=1"),
             ("[]", "has no entries"),
             ("a,a\n1,2\n", "name each column once"),
             ("a,\n1,2\n", "name each column"),

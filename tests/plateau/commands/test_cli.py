@@ -255,6 +255,16 @@ class TestOptions:
             code, _, err = plateau(command, "scenes:box", f"--{name}", "1")
             assert (code, f"No such option: --{name}" in " ".join(err.split())) == (2, True)
 
+    def test_may_begin_a_path_at_home(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, box: str
+    ) -> None:
+        # As a shell leaves them that finds them in quotes, or after a =
+        monkeypatch.setenv("HOME", str(tmp_path))
+        code, _, error = plateau("judge", "~/box.xml", "--out=~/judged")
+        assert (code, f"{box} is not a folder" in error) == (1, True)
+        code, _, error = plateau("denoise", "~/a.exr", "~/b.exr", "-o", "~/c.exr")
+        assert str(tmp_path / "a.exr") in error
+
     def test_that_are_wrong_raise_for_callers(self) -> None:
         with pytest.raises(typer.BadParameter):
             spec_from_options(step=0)

@@ -11,8 +11,10 @@ import pytest
 import redis
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from plateau import scenes
+from plateau.commands import app, main
 from plateau.commands.options import complete
 from plateau.commands.options.bash_completion import joined
 from plateau.farm.ledger.deletions import Deletions
@@ -21,48 +23,51 @@ from plateau.farm.model.renderers import variants
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.support.farms.staged_job import StagedJob
+from tests.support.until import until
 
+Run = Callable[..., list[str]]
 Offers = Callable[..., list[str]]
 
 
-def run(shell: str, words: list[str], folder: Path, **environment: str) -> list[str]:
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """The lines that the completion of these words prints; the last one is the current one."""
-    protocol = (
-        {"COMP_WORDS": "\n".join(words), "COMP_CWORD": str(len(words) - 1)}
-        if shell == "bash"
-        else {"_TYPER_COMPLETE_ARGS": " ".join(words), "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "plateau"],
-        env={
-            **os.environ,
-            "PYTHONPATH": str(Path(__file__).parents[3]),
-            "PLATEAU_URL": "http://127.0.0.1:9",  # nobody is there
-            "_PLATEAU_COMPLETE": f"complete_{shell}",
-            **protocol,
-            **environment,
-        },
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stderr == ""
-    return [line for line in done.stdout.splitlines() if line]
+    monkeypatch.setattr("gc.set_threshold", lambda _: None)  # this process lives on
+    monkeypatch.setattr("atexit.register", lambda _: None)
+    monkeypatch.setattr("sys.argv", ["plateau"])
+    monkeypatch.chdir(tmp_path)
 
+    def run(shell: str, *words: str, **environment: str) -> list[str]:
+        protocol = (
+            {"COMP_WORDS": "\n".join(words), "COMP_CWORD": str(len(words) - 1)}
+            if shell == "bash"
+            else {
+                "_TYPER_COMPLETE_ARGS": " ".join(words),
+                "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+            }
+        )
+        nobody = {"PLATEAU_URL": "http://127.0.0.1:9", "_PLATEAU_COMPLETE": f"complete_{shell}"}
+        for name, value in {**nobody, **protocol, **environment}.items():
+            monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit):
+            main()
+        said = capsys.readouterr()
+        assert said.err == ""
+        return [line for line in said.out.splitlines() if line]
 
-def run_till_answered(*arguments: object, **environment: str) -> list[str]:
-    """The same, asked again where a busy machine did not answer within the second that it has."""
-    for _ in range(10):
-        if lines := run(*arguments, **environment):  # type: ignore[arg-type]
-            return lines
-    return []
+    return run
 
 
 @pytest.fixture
-def offers(tmp_path: Path) -> Offers:
+def answered(run: Run, api: str) -> Run:
+    """The same of a service, asked again where a busy machine took more than its second."""
+    return lambda *words: next(filter(None, (run(*words, PLATEAU_URL=api) for _ in range(10))), [])
+
+
+@pytest.fixture
+def offers(run: Run) -> Offers:
     """What bash is offered for the words."""
-    return lambda *words, **environment: run("bash", ["plateau", *words], tmp_path, **environment)
+    return lambda *words, **environment: run("bash", "plateau", *words, **environment)
 
 
 def test_commands_and_options_are_offered(offers: Offers) -> None:
@@ -114,7 +119,7 @@ def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
 
 
 def test_jobs_are_offered_where_something_can_be_done_with_them(
-    client: redis.Redis, api: str, tmp_path: Path
+    client: redis.Redis, answered: Run
 ) -> None:
     jobs: dict[str, str] = {"queued": StagedJob(client).id}
     for state in ("rendering", "paused", "converged"):
@@ -125,8 +130,8 @@ def test_jobs_are_offered_where_something_can_be_done_with_them(
             Jobs(client).pause(staged.id)
         if state == "converged":
             staged.end()
-    put_away = Jobs(client).cancel(StagedJob(client).id).id
-    Deletions(client).set(put_away, deleted=True)
+    jobs["deleted"] = Jobs(client).cancel(StagedJob(client).id).id
+    Deletions(client).set(jobs["deleted"], deleted=True)
     for command, states in {
         "show": ("queued", "rendering", "paused", "converged"),
         "cancel": ("queued", "rendering", "paused"),
@@ -134,28 +139,29 @@ def test_jobs_are_offered_where_something_can_be_done_with_them(
         "resume": ("paused",),
         "delete": ("converged",),
     }.items():
-        words = ["plateau", command, ""]
-        offered = set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api))
+        offered = set(answered("bash", "plateau", command, ""))
         assert offered == {jobs[state] for state in states}, command
-    words = ["plateau", "delete", "--undo", ""]
-    assert set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api)) == {put_away}
+    assert set(answered("bash", "plateau", "delete", "--undo", "")) == {jobs["deleted"]}
     job_id = jobs["rendering"]
-    words = ["plateau", "watch", job_id[:6]]
-    assert job_id in run_till_answered("bash", words, tmp_path, PLATEAU_URL=api)
-    # An address on the line counts for more than that of the settings
-    words = ["plateau", "show", "--url", api, ""]
-    assert len(run_till_answered("bash", words, tmp_path)) == 4
+    assert job_id in answered("bash", "plateau", "watch", job_id[:6])
+
+
+def test_an_address_on_the_line_counts_for_more_than_that_of_the_settings(
+    client: redis.Redis, api: str, offers: Offers
+) -> None:
+    job = StagedJob(client)
+    assert until(lambda: offers("show", "--url", api, "")) == [job.id]
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish", "bash"])
 def test_names_that_others_choose_bring_nothing_that_a_shell_would_run(
-    shell: str, client: redis.Redis, api: str, tmp_path: Path
+    shell: str, client: redis.Redis, answered: Run, tmp_path: Path
 ) -> None:
     hostile = "\\$(touch run)`touch run`\"';x.xml"
     (tmp_path / hostile).touch()
     Jobs(client).create(JobSpec(), name=hostile, scene_sha256="0" * 64)
-    for words in (["show", ""], ["render", ""]):
-        offered = run_till_answered(shell, ["plateau", *words], tmp_path, PLATEAU_URL=api)
+    for command in ("show", "render"):
+        offered = answered(shell, "plateau", command, "")
         assert offered
         assert not re.search(r"touch run|\$\(|`", "".join(offered))
 
@@ -166,10 +172,9 @@ def test_silence_is_all_that_a_service_that_is_away_costs(offers: Offers) -> Non
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_offered_what_each_thing_is(shell: str, tmp_path: Path) -> None:
-    said = "\n".join(run(shell, ["plateau", "list", "--state", "ca"], tmp_path))
-    assert "cancelled" in said
-    said = "\n".join(run(shell, ["plateau", "submit", "a.xml", "--rule", "fi"], tmp_path))
+def test_other_shells_are_offered_what_each_thing_is(shell: str, run: Run) -> None:
+    assert "cancelled" in "\n".join(run(shell, "plateau", "list", "--state", "ca"))
+    said = "\n".join(run(shell, "plateau", "submit", "a.xml", "--rule", "fi"))
     assert "fixed" in said
     assert "Stop at a number of samples" in said
 
@@ -177,20 +182,16 @@ def test_other_shells_are_offered_what_each_thing_is(shell: str, tmp_path: Path)
 @pytest.mark.parametrize(
     ("shell", "words"),
     [
-        ("bash", "complete -o default -F _plateau_completion plateau"),
         ("zsh", "compdef _plateau_completion plateau"),
         ("fish", "complete --command plateau"),
     ],
 )
-def test_each_shell_gets_its_script(shell: str, words: str, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "plateau", "--show-completion", shell],
-        env={**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert words in done.stdout
+def test_each_shell_gets_its_script(
+    shell: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    done = CliRunner().invoke(app, ["--show-completion", shell], prog_name="plateau")
+    assert (done.exit_code, words in done.stdout) == (0, True)
 
 
 def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:

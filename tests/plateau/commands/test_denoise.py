@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plateau.farm.images.exr import decode_layers, encode_layers
+from plateau.farm.images.crops import CROP
+from plateau.farm.images.exr import decode_header, decode_layers, encode_layers
 from tests.support.processes.commands import plateau
 
 SIZE = (48, 64)
@@ -49,6 +50,15 @@ def test_renders_become_a_clean_one_and_a_figure(tmp_path: Path, count: int) -> 
     found = decode_layers(out.read_bytes())
     assert error(colour(found)) < 0.2 * error(colour(found, "raw."))
     assert 0 <= found["denoised.weight"].min() <= found["denoised.weight"].max() <= 1
+
+
+def test_a_crop_stays_where_it_lies_in_its_film(tmp_path: Path) -> None:
+    files = renders(tmp_path, 2)
+    for file in files:
+        file.write_bytes(encode_layers(decode_layers(file.read_bytes()), {CROP: "3 4 96 64"}))
+    assert plateau("denoise", *files, "-o", tmp_path / "clean.exr")[0] == 0
+    header = decode_header((tmp_path / "clean.exr").read_bytes())
+    assert (header[CROP], header["dataWindow"][0].tolist()) == ("3 4 96 64", [3, 4])
 
 
 def lose(file: Path, pixels: int, to: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.model.spec import JobSpec
-from plateau.files.image_series import CannotJudge, find_series, judge_series
+from plateau.picture.series import CannotJudge, find_series, judge_series
 from tests.support.farms.noise_farm import noise_film
 from tests.support.images.plain_exr import encode_image
 from tests.support.processes.commands import plateau as command

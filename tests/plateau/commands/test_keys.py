@@ -297,7 +297,7 @@ class TestAService:
         admin = say("keys", "create", "admin", "--role", "admin")[0].strip()
         shown = say("keys", "create", "me")[0].strip()
         up = start(
-            *("up", "--port", "0", "--host", "0.0.0.0"),
+            *("up", "--workers", "1", "--port", "0", "--host", "0.0.0.0"),
             *("--tls-certificate", certificate, "--tls-key", private_key),
             PLATEAU_KEY=admin,
             PLATEAU_LOG_FORMAT="json",

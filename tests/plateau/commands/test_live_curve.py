@@ -3,8 +3,6 @@
 import itertools
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,9 +10,11 @@ import pytest
 import redis
 
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.processes.terminal import Terminal
 
 DOTS = re.compile("[\u2801-\u28ff]")
+COLOUR = re.compile(rb"\x1b\[[0-9;]*3[0-7]m")
 
 Watch = Callable[..., Terminal]
 
@@ -83,35 +83,30 @@ def test_it_grows_with_each_point_and_stays_when_the_job_has_ended(
     assert named(lines, "target") == 1
     assert any(line.split() == ["reason:", "levelled", "off"] for line in lines)
     assert not terminal.screen.cursor.hidden
+    assert COLOUR.search(terminal.written)
 
 
-@pytest.mark.parametrize("columns", [60, 95])
-def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch, columns: int) -> None:
-    terminal = watch(columns=80)
-    before = terminal.until(has_curve)
-    terminal.resize(columns, 30)
+def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch) -> None:
+    terminal = watch(columns=80, NO_COLOR="1")
+    before = width(terminal.until(has_curve))
+    for columns in (60, 95):
+        terminal.resize(columns, 30)
 
-    def fits(lines: list[str]) -> bool:
-        return has_curve(lines) and width(lines) != width(before)
+        def fits(lines: list[str], before: int = before) -> bool:
+            return has_curve(lines) and width(lines) != before
 
-    lines = terminal.until(fits)
-    # Once, and nothing is left of what was drawn before
-    assert sum("at most 2,000 spp" in line for line in lines) == 1
-    assert {named(lines, name) for name in ("changed", "noise left", "target")} == {1}
+        lines = terminal.until(fits)
+        before = width(lines)
+        # Once, and nothing is left of what was drawn before
+        assert sum("at most 2,000 spp" in line for line in lines) == 1
+        assert {named(lines, name) for name in ("changed", "noise left", "target")} == {1}
+    # And without colours, where they are not wanted
+    assert not COLOUR.search(terminal.written)
 
 
 def test_it_is_left_out_where_nobody_wants_it(watch: Watch) -> None:
     lines = watch("--no-curve").until(lambda lines: any("changed 20 px" in line for line in lines))
     assert not has_curve(lines)
-
-
-def test_colours_are_left_out_where_they_are_not_wanted(watch: Watch) -> None:
-    colour = re.compile(rb"\x1b\[[0-9;]*3[0-7]m")
-    coloured, plain = watch(), watch(NO_COLOR="1")
-    for terminal in (coloured, plain):
-        terminal.until(has_curve)
-    assert colour.search(coloured.written)
-    assert not colour.search(plain.written)
 
 
 def test_a_dumb_terminal_gets_lines(watch: Watch) -> None:
@@ -133,12 +128,10 @@ def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path:
 def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
     job.end()
     job.finish(200)
-    command = ["plateau", "watch", job.id, "--url", api]
-    done = subprocess.run(
-        [sys.executable, "-m", *command], capture_output=True, text=True, check=True
-    )
-    assert not DOTS.search(done.stdout + done.stderr)
-    assert "\x1b" not in done.stdout + done.stderr
+    code, printed, said = plateau("watch", job.id, "--url", api)
+    assert code == 0
+    assert not DOTS.search(printed + said)
+    assert "\x1b" not in printed + said
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:

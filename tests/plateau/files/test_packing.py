@@ -14,7 +14,7 @@ from PIL import Image
 
 from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
 from plateau.files.packing import Packed, pack
-from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, PNG, include, mesh, scene, zipped
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def project(tmp_path: Path) -> Path:
         "shots/one/grey.spd": b"400 0.5\n700 0.5\n",
         "shared/light.xml": scene(include("colours/white.xml"), sensor=""),
         "shared/colours/white.xml": scene(sensor=""),
-        "shared/wood.png": b"\x89PNG",
+        "shared/wood.png": PNG,
         "shared/unused.exr": b"",
         "shots/two/scene.xml": scene(),
     }

@@ -13,7 +13,7 @@ import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
 from tests.support.long_tests import rare

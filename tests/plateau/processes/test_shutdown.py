@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from plateau.exit_codes import ExitCode
+from plateau.errors import ExitCode
 from plateau.processes.shutdown import StopSignals
 
 #: A process that takes its time, whatever it is asked.

@@ -1,4 +1,4 @@
-"""How many workers are wanted, and who comes and goes: stories told in looks, without Slurm."""
+"""How many workers are wanted, and who comes and goes: stories told in snapshots, without Slurm."""
 
 from collections.abc import Iterable
 from datetime import datetime, timedelta, timezone
@@ -9,7 +9,7 @@ import pytest
 from plateau.farm.ledger.totals import Demand
 from plateau.farm.model.worker import Worker
 from plateau.scale.policy import MOST_AT_ONCE, Limits, Policy, worth
-from plateau.scale.tasks import Look, Plan, Task, TaskState
+from plateau.scale.tasks import ScalingPlan, Snapshot, Task, TaskState
 
 START = datetime(2026, 11, 21, tzinfo=timezone.utc)
 LIMITS = Limits(most=8, worth_s=60, calm_s=60, idle_s=30)
@@ -29,8 +29,10 @@ class Farm:
         self.states: dict[str, TaskState] = {}
         self.workers: dict[str, Worker] = {}
 
-    def look(self, workers_worth: float, *, others: int = 0, after_s: float = 10) -> Plan:
-        """Look again; what was planned by then is done."""
+    def snapshot(
+        self, workers_worth: float, *, others: int = 0, after_s: float = 10
+    ) -> ScalingPlan:
+        """Take another snapshot; what was planned by then is done."""
         self.now_s += after_s
         seen_at = START + timedelta(seconds=self.now_s)
         self.workers = {
@@ -38,7 +40,7 @@ class Farm:
             for task, worker in self.workers.items()
         }
         plan = self.policy.plan(
-            Look(
+            Snapshot(
                 now_s=self.now_s,
                 demand=demand(workers_worth),
                 tasks=tuple(Task(id=one, state=state) for one, state in self.states.items()),
@@ -94,8 +96,8 @@ def farm() -> Farm:
     return Farm()
 
 
-def looks(farm: Farm, workers_worth: float, times: int) -> Iterable[Plan]:
-    return [farm.look(workers_worth) for _ in range(times)]
+def snapshots(farm: Farm, workers_worth: float, times: int) -> Iterable[ScalingPlan]:
+    return [farm.snapshot(workers_worth) for _ in range(times)]
 
 
 class TestWorth:
@@ -117,91 +119,96 @@ class TestWorth:
 
 class TestComing:
     def test_nobody_without_work(self, farm: Farm) -> None:
-        assert not any(plan.acts for plan in looks(farm, 0, 3))
+        assert not any(plan.acts for plan in snapshots(farm, 0, 3))
 
     def test_as_many_as_the_work_is_worth_at_once_and_once(self, farm: Farm) -> None:
-        assert [plan.submit for plan in looks(farm, 3, 3)] == [3, 0, 0]
+        assert [plan.submit for plan in snapshots(farm, 3, 3)] == [3, 0, 0]
         # And when they run
         farm.run()
-        assert [plan.submit for plan in looks(farm, 3, 3)] == [0, 0, 0]
+        assert [plan.submit for plan in snapshots(farm, 3, 3)] == [0, 0, 0]
 
     def test_no_more_than_the_limit(self, farm: Farm) -> None:
-        assert [plan.submit for plan in looks(farm, 1000, 2)] == [8, 0]
+        assert [plan.submit for plan in snapshots(farm, 1000, 2)] == [8, 0]
 
     def test_the_least_without_any_work(self) -> None:
-        assert Farm(Limits(least=2, most=4)).look(0).submit == 2
+        assert Farm(Limits(least=2, most=4)).snapshot(0).submit == 2
 
     def test_in_arrays_of_a_size_that_slurm_takes(self) -> None:
         farm = Farm(Limits(most=10_000))
-        assert [plan.submit for plan in looks(farm, 230, 4)] == [MOST_AT_ONCE, MOST_AT_ONCE, 30, 0]
+        assert [plan.submit for plan in snapshots(farm, 230, 4)] == [
+            MOST_AT_ONCE,
+            MOST_AT_ONCE,
+            30,
+            0,
+        ]
 
     def test_fewer_where_others_do_the_same_work(self, farm: Farm) -> None:
-        assert farm.look(5, others=3).submit == 2
-        assert farm.look(5, others=9).submit == 0
+        assert farm.snapshot(5, others=3).submit == 2
+        assert farm.snapshot(5, others=9).submit == 0
 
     def test_none_beside_one_that_finds_nothing_to_do(self, farm: Farm) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.run()
         farm.idle()  # it cannot do this work
-        assert [plan.submit for plan in looks(farm, 6, 5)][-1] == 0
+        assert [plan.submit for plan in snapshots(farm, 6, 5)][-1] == 0
 
     def test_one_that_slurm_started_again_is_not_doubled(self, farm: Farm) -> None:
-        farm.look(2)
+        farm.snapshot(2)
         farm.run()
         # When a node dies: Slurm has its task wait again, its worker was heard of lately
         farm.states["1_1"] = TaskState.WAITS
-        assert not any(plan.acts for plan in looks(farm, 2, 3))
+        assert not any(plan.acts for plan in snapshots(farm, 2, 3))
 
 
 class TestGoing:
     def test_waits_until_less_was_wanted_for_long(self, farm: Farm) -> None:
-        farm.look(4)
-        assert [len(plan.cancel) for plan in looks(farm, 1, 8)] == [0, 0, 0, 0, 0, 0, 3, 0]
+        farm.snapshot(4)
+        assert [len(plan.cancel) for plan in snapshots(farm, 1, 8)] == [0, 0, 0, 0, 0, 0, 3, 0]
 
     def test_and_starts_anew_with_each_rise_so_that_nothing_flaps(self, farm: Farm) -> None:
-        farm.look(4)
+        farm.snapshot(4)
         for _ in range(20):  # a job every fifty seconds
-            plans = [*looks(farm, 0, 4), farm.look(4)]
+            plans = [*snapshots(farm, 0, 4), farm.snapshot(4)]
             assert not any(plan.acts for plan in plans)
 
     def test_the_last_that_wait_go_first(self, farm: Farm) -> None:
-        farm.look(4)
+        farm.snapshot(4)
         farm.run("1_1", "1_2")
-        (*_, plan) = looks(farm, 3, 7)
+        (*_, plan) = snapshots(farm, 3, 7)
         assert plan.cancel == ("1_4",)
 
     def test_then_those_whose_worker_has_not_come_yet(self, farm: Farm) -> None:
-        farm.look(4)
+        farm.snapshot(4)
         farm.run("1_1", "1_2")
         farm.states["1_3"] = TaskState.RUNS
-        (*_, plan) = looks(farm, 1, 7)
+        (*_, plan) = snapshots(farm, 1, 7)
         assert (plan.cancel, plan.end, plan.drain) == (("1_4",), ("1_3",), ())
 
     def test_then_who_has_nothing_to_do_and_nobody_who_renders(self, farm: Farm) -> None:
-        farm.look(3)
+        farm.snapshot(3)
         farm.run()
-        looks(farm, 1, 10)
+        snapshots(farm, 1, 10)
         assert farm.count(TaskState.RUNS) == 3
         farm.idle("1_2")
-        plans = list(looks(farm, 1, 6))
+        plans = list(snapshots(farm, 1, 6))
         # Drained once it was idle for long, and asked to leave after its next heartbeat
         assert [plan.drain for plan in plans] == [(), (), (), ("1_2",), (), ()]
         assert [plan.end for plan in plans] == [(), (), (), (), ("1_2",), ()]
         assert farm.count(TaskState.RUNS) == 2
 
     def test_one_that_took_a_slice_before_it_was_drained_finishes_it(self, farm: Farm) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.run()
         farm.idle()
-        (*_, last) = looks(farm, 0, 7)
+        (*_, last) = snapshots(farm, 0, 7)
         assert last.drain == ("1_1",)
         farm.change("1_1", job="box")
-        assert [plan.end for plan in looks(farm, 0, 2)] == [(), ()]
+        assert [plan.end for plan in snapshots(farm, 0, 2)] == [(), ()]
         farm.idle()
-        assert farm.look(0).end == ("1_1",)
+        assert farm.snapshot(0).end == ("1_1",)
 
     def test_one_that_takes_its_time_to_leave_is_asked_once(self, farm: Farm) -> None:
-        farm.look(2)
+        farm.snapshot(2)
         farm.run("1_1")
         farm.states["1_2"] = TaskState.RUNS  # and no worker yet
         farm.idle("1_1")
@@ -210,51 +217,51 @@ class TestGoing:
         assert sorted(asked) == ["1_1", "1_2"]
 
     @staticmethod
-    def _unheeded(farm: Farm, times: int) -> Iterable[Plan]:
+    def _unheeded(farm: Farm, times: int) -> Iterable[ScalingPlan]:
         for _ in range(times):
             before = dict(farm.states), dict(farm.workers)
-            yield farm.look(0)
+            yield farm.snapshot(0)
             farm.states, farm.workers = before
 
     def test_what_was_drained_before_a_restart_is_ended_after_it(self, farm: Farm) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.run()
         farm.idle()
         farm.change("1_1", drained=True)
         farm.policy = Policy(LIMITS)
-        assert [plan.end for plan in looks(farm, 0, 2)] == [(), ("1_1",)]
+        assert [plan.end for plan in snapshots(farm, 0, 2)] == [(), ("1_1",)]
 
     def test_short_pauses_between_slices_are_no_idleness(self, farm: Farm) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.run()
         for done in range(20):
             farm.change("1_1", job=None, slices_done=done)
-            assert not farm.look(0).acts
+            assert not farm.snapshot(0).acts
 
     def test_the_least_stay(self) -> None:
         farm = Farm(Limits(least=2, most=4))
-        farm.look(4)
+        farm.snapshot(4)
         farm.run()
         farm.idle()
-        looks(farm, 0, 20)
+        snapshots(farm, 0, 20)
         assert farm.count(TaskState.RUNS) == 2
-        assert not any(plan.acts for plan in looks(farm, 0, 20))
+        assert not any(plan.acts for plan in snapshots(farm, 0, 20))
 
     def test_a_lower_limit_drains_those_who_render_too(self, farm: Farm) -> None:
-        farm.look(4)
+        farm.snapshot(4)
         farm.run()
         farm.policy = Policy(Limits(most=1))
-        assert len(farm.look(4).drain) == 3
-        assert farm.look(4).end == ()
+        assert len(farm.snapshot(4).drain) == 3
+        assert farm.snapshot(4).end == ()
         farm.idle()
-        assert len(farm.look(4).end) == 3
+        assert len(farm.snapshot(4).end) == 3
 
 
 class TestWhatComesToNothing:
     def test_is_tried_again_later_and_later(self, farm: Farm) -> None:
         tries_s = []
         for _ in range(200):
-            if farm.look(1).submit:
+            if farm.snapshot(1).submit:
                 tries_s.append(farm.now_s)
                 farm.leave(*farm.states)  # it ends at once, without a word
         gaps = [later - sooner for sooner, later in pairwise(tries_s)]
@@ -263,34 +270,34 @@ class TestWhatComesToNothing:
         assert gaps[-1] > 300
 
     def test_is_forgotten_when_a_worker_comes(self, farm: Farm) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.leave("1_1")
-        assert farm.look(1).held_s > 0
+        assert farm.snapshot(1).held_s > 0
         while not farm.states:
-            farm.look(1)
+            farm.snapshot(1)
         farm.run()
-        looks(farm, 1, 2)
+        snapshots(farm, 1, 2)
         farm.leave(*farm.states)  # at its time limit
-        assert farm.look(1).submit == 1
+        assert farm.snapshot(1).submit == 1
 
     def test_is_not_what_we_have_cancelled_ourselves(self, farm: Farm) -> None:
-        farm.look(4)
-        looks(farm, 0, 8)
+        farm.snapshot(4)
+        snapshots(farm, 0, 8)
         assert farm.states == {}
-        assert farm.look(4).submit == 4
+        assert farm.snapshot(4).submit == 4
 
     def test_includes_what_slurm_refused(self, farm: Farm) -> None:
         farm.policy.starts.note_failure(farm.now_s)
-        assert [plan.submit for plan in looks(farm, 1, 4)] == [0, 0, 1, 0]
+        assert [plan.submit for plan in snapshots(farm, 1, 4)] == [0, 0, 1, 0]
 
     def test_a_worker_that_can_render_nothing_leaves_and_is_replaced_later(
         self, farm: Farm
     ) -> None:
-        farm.look(1)
+        farm.snapshot(1)
         farm.run()
         farm.idle()
         farm.change("1_1", trouble="the disk is full")
-        plans = list(looks(farm, 1, 10))
+        plans = list(snapshots(farm, 1, 10))
         assert [plan.drain for plan in plans].count(("1_1",)) == 1
         assert [plan.end for plan in plans].count(("1_1",)) == 1
         submits = [plan.submit for plan in plans]

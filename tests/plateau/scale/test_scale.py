@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from plateau.commands import app
 from plateau.farm.ledger.totals import Demand
 from plateau.scale.report import Report
-from plateau.scale.tasks import Look, Plan, Task, TaskState
+from plateau.scale.tasks import ScalingPlan, Snapshot, Task, TaskState
 
 
 def say(*arguments: str, code: int, **environment: str) -> str:
@@ -70,7 +70,7 @@ def test_without_a_farm_it_says_what_to_set(
 
 
 class TestReport:
-    LOOK = Look(
+    SNAPSHOT = Snapshot(
         now_s=0,
         demand=Demand(waiting=9, left=90, work_s=170.04),
         tasks=(
@@ -83,7 +83,7 @@ class TestReport:
     )
 
     def test_tells_people_what_there_is_and_what_is_done(self) -> None:
-        report = Report.of(self.LOOK, Plan(wanted=4, have=2, submit=2, end=("7_1",)))
+        report = Report.of(self.SNAPSHOT, ScalingPlan(wanted=4, have=2, submit=2, end=("7_1",)))
         assert report.in_words() == (
             "4 workers needed for 170 s of work, 2 there or coming; 1 waiting (Resources), "
             "1 running, 1 not yet heard from; 1 worker from elsewhere; 1 asked to leave: 7_1; "
@@ -91,19 +91,19 @@ class TestReport:
         )
 
     def test_tells_programs_all_of_it(self) -> None:
-        report = Report.of(self.LOOK, Plan(wanted=4, have=2, held_s=30))
+        report = Report.of(self.SNAPSHOT, ScalingPlan(wanted=4, have=2, held_s=30))
         told = json.loads(report.as_json())
         assert (told["wanted"], told["waiting_for"], told["held_s"]) == (4, ["Resources"], 30)
         assert told["time"].endswith("+00:00")
         assert "nothing is submitted for 30 s" in report.in_words()
 
     def test_has_no_news_while_only_the_work_gets_less(self) -> None:
-        plan = Plan(wanted=4, have=4)
-        less = Look(
+        plan = ScalingPlan(wanted=4, have=4)
+        less = Snapshot(
             now_s=10,
             demand=Demand(waiting=5, left=80, work_s=150),
-            tasks=self.LOOK.tasks,
+            tasks=self.SNAPSHOT.tasks,
             workers={},
             others=1,
         )
-        assert Report.of(self.LOOK, plan).news() == Report.of(less, plan).news()
+        assert Report.of(self.SNAPSHOT, plan).news() == Report.of(less, plan).news()

@@ -9,6 +9,7 @@ import redis
 from rich.console import Console
 
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.wire.views import job_view
 from plateau.terminal.progress import LiveProgress, PlainProgress, progress_on
 from tests.support.farms.staged_job import StagedJob
 
@@ -30,11 +31,11 @@ def shown(
     assert isinstance(progress, LiveProgress if terminal else PlainProgress)
     jobs = Jobs(client)
     with progress:
-        progress.job(jobs.get(staged.id))
+        progress.job(job_view(jobs.get(staged.id)))
         staged.commit(12)
         for spp, visible, slope in ((100, 0, None), (200, 20, None), (300, 25, 0.125)):
             staged.point(spp, visible, slope)
-        progress.job(jobs.get(staged.id))
+        progress.job(job_view(jobs.get(staged.id)))
         start = datetime(2026, 1, 1, tzinfo=timezone.utc)
         for number, event in enumerate(jobs.events(staged.id)):
             at = start + timedelta(seconds=number)
@@ -96,10 +97,10 @@ def test_a_pause_is_told_of(client: redis.Redis, terminal: bool) -> None:
     with progress:
         for event in jobs.events(staged.id):
             progress.event(event)
-        progress.job(jobs.get(staged.id))
+        progress.job(job_view(jobs.get(staged.id)))
         paused = text.getvalue()
         jobs.resume(staged.id)
-        progress.job(jobs.get(staged.id))
+        progress.job(job_view(jobs.get(staged.id)))
     resumed = text.getvalue().removeprefix(paused)
     if terminal:
         assert f"paused by a user; `plateau resume {staged.id}` resumes it" in paused

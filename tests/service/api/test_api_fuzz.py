@@ -2,17 +2,18 @@
 
 Schemathesis derives requests from the document: its examples, the boundaries of each parameter,
 methods that are not there, and random requests, valid and invalid. Each goes to a live API over a
-real Redis that has jobs in several states, once while it is open and once with keys. No answer may
-be a 5xx, and each has to be as the document says: its status, content type, headers and schema.
-What is invalid has to be refused.
+real Redis that has jobs in several states. No answer may be a 5xx, and each has to be as the
+document says: its status, content type, headers and schema. What is invalid has to be refused.
 
 Left out are
 
 - streams of events, which have no end: `/events` is asked for what has happened so far;
 - that what the document allows is accepted (`positive_data_acceptance`): whether a scene can be
-  rendered, a step is a number of slices or a job exists is more than a schema can say.
+  rendered, a step is a number of slices or a job exists is more than a schema can say;
+- keys: `access/test_keys.py` asks each call without one.
 
-FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
+FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests. Of calls that take the same,
+`make test` asks one.
 """
 
 import copy
@@ -41,7 +42,6 @@ from schemathesis.core.parameters import ParameterLocation
 from schemathesis.pytest.lazy import get_all_tests
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.states import JobState
 from tests.support import long_tests
@@ -51,7 +51,6 @@ from tests.support.long_tests import rare_among
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
 REQUESTS = 1000 if long_tests.WANTED else 10  #: random ones for each operation, at most
-REQUESTS_WITH_KEY = 200 if long_tests.WANTED else 5  #: the doors are other ones, the rooms the same
 
 
 @pytest.fixture
@@ -75,53 +74,42 @@ def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
     return [job.id for job in (queued, rendering, paused, failed, finished)]
 
 
-@pytest.fixture
-def key(client: redis.Redis) -> str:
-    """An admin's, beside which no request without one is taken."""
-    limits = KeyLimits(requests_per_minute=1e6, burst=1_000_000, upload_bytes=None, open_jobs=None)
-    return ApiKeys(client).create("fuzz", Role.ADMIN, limits)[1]
-
-
 DOCUMENT = api_document()
 OPERATIONS = [
     f"{method.upper()} {path}" for path, item in DOCUMENT["paths"].items() for method in item
 ]
 
-#: Those whose requests hold a whole spec: a third of all the time.
+#: Those whose requests hold a whole spec, and those that take what another call takes too.
 _DEAR = {
-    "POST /v1/jobs",
-    "POST /v1/scenes",
-    "POST /v1/jobs/{job_id}/again",
+    *("POST /v1/jobs", "POST /v1/scenes", "POST /v1/jobs/{job_id}/again"),
+    *(
+        f"GET /v1/jobs/{{job_id}}/{name}"
+        for name in (
+            *("image.png", "image.exr", "difference.png", "noise.png", "quality.png", "spp.png"),
+            *("non-finite.png", "report.html", "curve.csv", "log", "slices", "previews"),
+            *("results.zip", "slices/{index}/log"),
+        )
+    ),
+    *(f"POST /v1/jobs/{{job_id}}/{call}" for call in ("pause", "resume", "restore")),
+    *(f"POST /v1/batches/{{name}}/{call}" for call in ("pause", "resume", "restore")),
+    *("GET /v1/batches/{name}/shot/film.png", "GET /v1/batches/{name}/results.zip"),
+    *("POST /v1/workers/{worker_id}/resume", "GET /v1/usage.csv"),
 }
-
-
-def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
-    """The API's description, with how much is asked of it.
-
-    Where `keys` are wanted, each request is repeated without one, and with another: a 401 is due.
-    Else nothing is said of them.
-    """
-    project = ProjectConfig(
-        generation=GenerationConfig(max_examples=requests, database="none"),
-        checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
-    )
-    config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
-    document = copy.deepcopy(DOCUMENT)
-    if not keys:
-        for operations in document["paths"].values():
-            for operation in operations.values():
-                operation.pop("security", None)
-    return schemathesis.openapi.from_dict(document, config=config)
 
 
 @pytest.fixture(scope="module")
 def open_api() -> schemathesis.BaseSchema:
-    return described(REQUESTS, keys=False)
-
-
-@pytest.fixture(scope="module")
-def locked_api() -> schemathesis.BaseSchema:
-    return described(REQUESTS_WITH_KEY, keys=True)
+    """The API's description, with how much is asked of it and nothing of keys."""
+    project = ProjectConfig(
+        generation=GenerationConfig(max_examples=REQUESTS, database="none"),
+        checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
+    )
+    config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
+    document = copy.deepcopy(DOCUMENT)
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            operation.pop("security", None)
+    return schemathesis.openapi.from_dict(document, config=config)
 
 
 #: What `get_all_tests` asked for in the last schemathesis that Python 3.10 has, and does no more.
@@ -160,31 +148,13 @@ def test_no_request_breaks_the_api(
     each_request_to(operation, open_api, send)
 
 
-@pytest.mark.parametrize("operation", OPERATIONS)
-@pytest.mark.long
-def test_nor_does_one_with_a_key(
-    operation: str,
-    locked_api: schemathesis.BaseSchema,
-    session_api: str,
-    job_ids: list[str],
-    key: str,
-) -> None:
-    def send(case: schemathesis.Case) -> None:
-        attack(case, session_api, job_ids, headers={"Authorization": f"Bearer {key}"})
-
-    each_request_to(operation, locked_api, send)
-
-
-def attack(
-    case: schemathesis.Case, url: str, job_ids: list[str], headers: dict[str, str] | None = None
-) -> None:
+def attack(case: schemathesis.Case, url: str, job_ids: list[str]) -> None:
     name_a_real_job(case, job_ids)
     if case.path.endswith("/events"):
         case.headers["Accept"] = "application/json"
-    # Schemathesis judges what it drew. Let that be what is sent: the key, and lists as text.
-    case.headers.update(headers or {})
+    # Schemathesis judges what it drew. Let that be what is sent: lists as text.
     case.query.update(lists_as_sent(case.query))
-    case.call_and_validate(base_url=url, timeout=60, headers=headers)
+    case.call_and_validate(base_url=url, timeout=60)
 
 
 def lists_as_sent(query: Mapping[str, object]) -> dict[str, list[str]]:

@@ -15,7 +15,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import next_step
-from plateau.service.monitor.known import Answer, Known
+from plateau.service.monitor.known import Known, RuleAnswer
 from plateau.service.monitor.look_ahead import LookAhead
 
 EPOCH = datetime.fromtimestamp(0, timezone.utc)
@@ -81,8 +81,8 @@ class Rules:
     flaw_spp: int | None = None  #: the image is broken from there on
     expected: Callable[[int], int | None] = lambda spp: None
 
-    def answer(self, spp: int) -> Answer:
-        return Answer(
+    def answer(self, spp: int) -> RuleAnswer:
+        return RuleAnswer(
             stop=self.stop_spp is not None and spp >= self.stop_spp,
             reason=f"judged at {spp} spp",
             numbers={"spp": spp},

@@ -10,12 +10,14 @@ import pytest
 import redis
 from PIL import Image
 
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image, decode_layers
 from plateau.farm.model import versions
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
 from plateau.service.api.points.remaking import remade
+from tests.service.api.routes.test_again import go_on
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
 from tests.support.until import until
@@ -90,6 +92,13 @@ def test_channels_do_not_depend_on_the_order_of_commits_or_on_who_merges(
     undisturbed = finished(farm, aovs=AOVS)
     # Given slices that come backwards, and a monitor that goes away after each point
     job = farm.submit(**JOB, aovs=AOVS)
+    with farm.monitor():
+        farm.render(1)
+        until(lambda: farm.jobs.get(job.id).image_spp)
+        content = farm.picture(job, "image.exr")
+    said = header(content)
+    assert (said["plateau:spp"], said["plateau:state"]) == (10, "rendering")
+    assert decode_layers(content).keys() == NAMES
     for points in range(1, 4):
         with farm.monitor():
             while farm.jobs.get(job.id).points < points:
@@ -150,17 +159,6 @@ def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
     }
 
 
-def test_an_image_of_a_running_job_says_what_is_known_then(farm: NoiseFarm) -> None:
-    job = farm.submit(**JOB, aovs=AOVS)
-    with farm.monitor():
-        farm.commit(farm.next_lease())
-        until(lambda: farm.jobs.get(job.id).image_spp)
-        content = farm.picture(job, "image.exr")
-    said = header(content)
-    assert (said["plateau:spp"], said["plateau:state"]) == (10, "rendering")
-    assert decode_layers(content).keys() == NAMES
-
-
 def test_a_background_is_seen_and_judged_and_the_exr_does_not_have_it(farm: NoiseFarm) -> None:
     background = (0.5, 0.25, 1.0)
     black = finished(farm, aovs=AOVS)
@@ -177,15 +175,6 @@ def test_a_background_is_seen_and_judged_and_the_exr_does_not_have_it(farm: Nois
     # And noise is judged before it: on a bright background, less of it is seen
     noise = [farm.jobs.curve(one.id)[0].estimate_pixels for one in (black, coloured)]
     assert noise[0] != noise[1]
-
-
-def test_a_background_changes_nothing_without_alpha(farm: NoiseFarm) -> None:
-    farm.alpha = False
-    plain, coloured = finished(farm), finished(farm, view={"background": (1, 1, 1)})
-    for read in (decode_layers, lambda content: {"": np.asarray(Image.open(io.BytesIO(content)))}):
-        name = "image.exr" if read is decode_layers else "image.png"
-        one, other = (read(farm.picture(job, name)) for job in (plain, coloured))
-        assert all(np.array_equal(one[key], other[key]) for key in one)
 
 
 @pytest.mark.parametrize("how", ["by its rule", "by a person"])
@@ -228,15 +217,15 @@ def test_slices_without_the_aovs_are_rendered_again_and_then_fail_the_job(farm: 
     assert "upgrade it" in done.reason
 
 
-@pytest.mark.parametrize("name", ["image.exr", "image.png", "difference.png"])
 @pytest.mark.parametrize("keeps_slices", [False, True])
 def test_a_spoiled_file_is_made_again_with_all_that_it_said(
-    farm: NoiseFarm, name: str, keeps_slices: bool
+    farm: NoiseFarm, keeps_slices: bool
 ) -> None:
     done = finished(farm, aovs=AOVS, keep_slices=keeps_slices, view={"background": (1, 1, 1)})
-    blob = f"{farm.jobs.results(done.id)}/{name}"
-    content = farm.store.get(blob)
-    assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
+    for name in ("image.exr", "image.png", "difference.png"):
+        blob = f"{farm.jobs.results(done.id)}/{name}"
+        content = farm.store.get(blob)
+        assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
 
 
 def test_an_image_of_workers_of_several_kinds_says_so(farm: NoiseFarm) -> None:
@@ -245,3 +234,19 @@ def test_an_image_of_workers_of_several_kinds_says_so(farm: NoiseFarm) -> None:
     both = ", ".join(farm.kinds)
     assert header(farm.picture(done, "image.exr"))["plateau:renderer"] == both
     assert done.notes == (f"workers of 2 kinds rendered the image: {both}",)
+
+
+def test_a_job_whose_film_has_alpha_now_fails_in_words(farm: NoiseFarm) -> None:
+    farm.alpha = False
+    stopped = finished(farm, rule={"name": "fixed", "spp": 40})
+    farm.alpha = True
+    with farm.monitor():
+        done = farm.finish(go_on(farm, stopped, rule={"name": "fixed", "spp": 80}))
+    assert done.state is JobState.FAILED
+    assert (
+        "slice 4 has the channels R, G, B, W, A, those before it R, G, B, W: submit the scene as "
+        "a new job"
+    ) in done.reason
+    # What it had before is still shown
+    assert blobs.of_job(stopped.id) in farm.jobs.results(stopped.id)
+    assert decode_layers(farm.picture(stopped, "image.exr")).keys() == {"R", "G", "B"}

@@ -15,7 +15,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import BATCH, ENDED, OPEN, Row, last_step, next_step
-from plateau.service.monitor.known import Answer, Known, Ledger
+from plateau.service.monitor.known import Known, Ledger, RuleAnswer
 from tests.service.monitor.decided_job import (
     DecidedJob,
     DecidingMonitor,
@@ -28,7 +28,7 @@ from tests.service.monitor.decided_job import (
 )
 from tests.support.long_tests import WANTED
 
-NO_STOP = Answer(stop=False, reason="too noisy", numbers={}, flaw=None, expected_spp=None)
+NO_STOP = RuleAnswer(stop=False, reason="too noisy", numbers={}, flaw=None, expected_spp=None)
 STOP = replace(NO_STOP, stop=True, reason="levelled off", numbers={"slope": 0.0})
 BROKEN = replace(STOP, flaw="3 pixels are NaN")
 READ = Ledger.READ
@@ -405,7 +405,7 @@ def happen(story: Story) -> DecidedJob:
     raise AssertionError(f"the job is {job.state.value} for good")
 
 
-MANY = settings(max_examples=2000 if WANTED else 300, deadline=None)
+MANY = settings(max_examples=2000 if WANTED else 150, deadline=None)
 
 
 @MANY

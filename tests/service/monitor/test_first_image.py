@@ -1,21 +1,11 @@
 """Who follows a job is told once that there is an image, whichever is its first."""
 
-from pathlib import Path
-
-import pytest
-import redis
-
 from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
-
-
-@pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    return NoiseFarm(client, redis_url, tmp_path)
 
 
 def finish(farm: NoiseFarm, job: Job) -> Job:
@@ -72,11 +62,3 @@ def test_a_job_that_goes_on_from_sums_has_the_image_of_the_one_before(farm: Nois
         farm.render(1)
         assert finish(farm, after).state is JobState.EXHAUSTED
     assert announced_spp(farm, after) == [50]
-
-
-def test_a_job_without_an_image_announces_none(farm: NoiseFarm) -> None:
-    job = farm.submit(step=25, slice_spp=25)
-    farm.jobs.cancel(job.id)
-    with farm.monitor():
-        finish(farm, job)
-    assert told(farm, job) == ["queued", "cancelled", "finished"]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.fit import Crew
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
@@ -98,7 +98,7 @@ def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None
     gpu = {"pool": "night", "tags": ["gpu"]}
     for name, more in (("a", {}), ("b", {}), ("c", gpu), ("d", {"trouble": "the disk is full"})):
         SliceQueue(client, name, 60).heartbeat({**about(name), **more}, ())
-    crew = Crew(Jobs(client).workers())
+    crew = Crew(Workers(client).living())
     made = job()
 
     def ahead_of(**changes: object) -> int:

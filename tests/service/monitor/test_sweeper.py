@@ -5,7 +5,8 @@ import logging
 import pytest
 import redis
 
-from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.service.monitor import sweeper
@@ -18,7 +19,7 @@ ORPHAN = "jobs/0123456789ab/partials/000000-killed-1.exr"
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
+    monkeypatch.setattr(sweeper, "_POLL_S", 0.05)
 
 
 @pytest.fixture

@@ -55,6 +55,7 @@ class FaultyFarm(RealFarm):
         target: str = "self",
         constants: dict[str, object] | None = None,
         inside: tuple[str, ...] = (),
+        passed: tuple[int, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         """Start a process that a signal hits at a stage; see `tests.support.faults.stages`."""
@@ -66,7 +67,8 @@ class FaultyFarm(RealFarm):
             "target": target,
             "set": constants or {},
         }
-        return self._start_on(stage, role, *arguments, inside=inside, **environment)
+        how = {"inside": inside, "passed": passed}
+        return self._start_on(stage, role, *arguments, **how, **environment)  # type: ignore[arg-type]
 
     def start_changed(
         self,
@@ -93,13 +95,13 @@ class FaultyFarm(RealFarm):
         role: str,
         *arguments: str,
         inside: tuple[str, ...] = (),
+        passed: tuple[int, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         armed = json.dumps(stage)
         module = "tests.support.faults.stages"
-        return self.start(
-            role, *arguments, module=module, inside=inside, STAGE=armed, **environment
-        )
+        how = {"module": module, "inside": inside, "passed": passed}
+        return self.start(role, *arguments, **how, STAGE=armed, **environment)  # type: ignore[arg-type]
 
     def wait_until_ended(
         self, process: subprocess.Popen[bytes], by: signal.Signals | None = None
@@ -115,16 +117,6 @@ class FaultyFarm(RealFarm):
 
     def resume(self, process: subprocess.Popen[bytes]) -> None:
         os.kill(process.pid, signal.SIGCONT)
-
-    def submit_half_way(self, **spec: object) -> str:
-        """A job that is in the middle of its work, though this process be slow to look at it."""
-
-        def half_way() -> str | None:
-            job = self.submit(**spec).id
-            until(lambda: self.jobs.get(job).points >= 3)
-            return None if self.jobs.get(job).state.ended else job
-
-        return until(half_way)
 
     def wait_for_workers(self, count: int) -> None:
         until(lambda: len(self.client.workers()) == count)

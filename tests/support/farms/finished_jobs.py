@@ -1,5 +1,6 @@
 """Jobs of a `NoiseFarm` that are rendered to their end, with quiet monitors and with busy ones."""
 
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
@@ -23,4 +24,6 @@ def finish_by_many_monitors(farm: NoiseFarm, job: Job) -> None:
             for lease in reversed(held):
                 farm.commit(lease)
             if not held:
-                until(lambda: farm.is_finished(job) or farm.jobs.census().slices["waiting"] > 0)
+                until(
+                    lambda: farm.is_finished(job) or take_census(farm.client).slices["waiting"] > 0
+                )

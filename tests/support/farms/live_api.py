@@ -8,7 +8,6 @@ import uvicorn
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
@@ -17,6 +16,7 @@ from plateau.service.api.http.server import server_config
 from plateau.service.api.process import listen, url_of
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.notices.targets import Targets
 
 LARGEST_UPLOAD = 3_000_000
 

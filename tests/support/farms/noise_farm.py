@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
@@ -27,7 +27,7 @@ from plateau.farm.model.slices.rounds import slice_zones
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.service.monitor.monitor import Monitor
 from plateau.worker.renderers.analytic.picture import Picture
 from tests.support.until import until
@@ -64,7 +64,7 @@ class NoiseFarm:
     variant = "scalar_rgb"  #: with which its slices are leased
     size = SIZE
     kinds = ("analytic 1",)  #: of its workers, which take turns
-    look: Look | None = None  #: of its scene
+    transform: ViewTransform | None = None  #: of its scene
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class NoiseFarm:
         *,
         alpha: bool = False,
     ) -> None:
-        self.jobs = Jobs(client)
+        self.client, self.jobs = client, Jobs(client)
         self.store = Blobs(str(folder / "blobs"))
         self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=5.0)
         self.queue = SliceQueue(client, "noise", 60)
@@ -196,6 +196,6 @@ class NoiseFarm:
                 channels=self._shown(lease).channels,
                 zones=self._zones(lease),
                 renderer=self.kinds[lease.index % len(self.kinds)],
-                look=None if lease.index else self.look,
+                transform=None if lease.index else self.transform,
             )
         )

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
@@ -19,6 +20,8 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
+from tests.support.processes.forked import ForkServer
+from tests.support.until import until
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 
@@ -34,6 +37,16 @@ class Farm:
     def submit(self, scene: Path = BOX, **spec: object) -> JobView:
         return self.client.submit(scene, JobSpec.model_validate(spec))
 
+    def submit_half_way(self, scene: Path = BOX, **spec: object) -> str:
+        """A job that is in the middle of its work, though this process be slow to look at it."""
+
+        def half_way() -> str | None:
+            job = self.submit(scene, **spec).id
+            until(lambda: self.jobs.get(job).points >= 3)
+            return None if self.jobs.get(job).state.ended else job
+
+        return until(half_way)
+
     def image(self, job: JobView) -> Pixels:
         return decode_image(self.client.image(job.id, "image.exr"))
 
@@ -44,11 +57,20 @@ class Farm:
 
 
 class RealFarm(Farm):
-    """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
+    """Starts processes as a user would: ``python -m plateau …`` with settings by environment.
+
+    With a `server`, the same processes are forked.
+    """
 
     def __init__(
-        self, folder: Path, cache: Path, blobs: Path | str | None = None, **settings: str
+        self,
+        folder: Path,
+        cache: Path,
+        blobs: Path | str | None = None,
+        server: ForkServer | None = None,
+        **settings: str,
     ) -> None:
+        self._server = server
         self.redis = self._start_redis(folder / "redis")
         self.environment = {
             **os.environ,
@@ -65,7 +87,8 @@ class RealFarm(Farm):
         self.redis_client = connect(self.redis.url)
         self.jobs = Jobs(self.redis_client)
         self.processes: list[subprocess.Popen[bytes]] = []
-        self.url = self._start_api()
+        self.staff: list[subprocess.Popen[bytes]] = []  #: of them, those that tests share
+        _, self.url = self.start_api()
         self.client = Client(self.url)
 
     def __enter__(self) -> "RealFarm":
@@ -100,12 +123,13 @@ class RealFarm(Farm):
         inside: tuple[str, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            [*inside, sys.executable, "-m", module, *arguments],
-            env={**self.environment, **environment},
-            pass_fds=passed,
-            start_new_session=True,
-        )
+        told = {**self.environment, **environment}
+        process: subprocess.Popen[bytes]
+        if self._server is not None and module == "plateau" and not inside:
+            process = self._server.start(arguments, told, passed)
+        else:
+            command = [*inside, sys.executable, "-m", module, *arguments]
+            process = subprocess.Popen(command, env=told, pass_fds=passed, start_new_session=True)
         self.processes.append(process)
         return process
 
@@ -132,9 +156,13 @@ class RealFarm(Farm):
     def _start_redis(self, data: Path) -> EmbeddedRedis:
         return EmbeddedRedis(data)
 
-    def _start_api(self) -> str:
+    def start_api(
+        self, port: str = "0", start: Callable[..., subprocess.Popen[bytes]] | None = None
+    ) -> tuple[subprocess.Popen[bytes], str]:
+        """Start an API and wait until it is ready; returns its URL too."""
         reads, writes = os.pipe()
-        self.start("api", "--port", "0", "--ready-fd", str(writes), passed=(writes,))
+        options = ("--port", port, "--ready-fd", str(writes))
+        process = (start or self.start)("api", *options, passed=(writes,))
         os.close(writes)
         with os.fdopen(reads) as pipe:
-            return pipe.readline().strip()
+            return process, pipe.readline().strip()

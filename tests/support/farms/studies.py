@@ -7,8 +7,8 @@ from typing import Final
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.service.judging.judge import Judge
-from plateau.service.judging.merge import Merge
+from plateau.picture.judge import Judge
+from plateau.picture.merge import Merge
 from plateau.service.monitor.result_sets import ResultSets
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 

@@ -13,8 +13,8 @@ from typing import Final
 
 import psutil
 
-from plateau.exit_codes import ExitCode
-from plateau.farm.blobs import store as blobs
+from plateau.errors import ExitCode
+from plateau.farm.blobs import names as blobs
 from tests.support.farms.faulty_farm import FaultyFarm
 
 #: The commands of those that are struck, as many as the farm has while all is well.

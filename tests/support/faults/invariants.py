@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels
 from plateau.farm.ledger.jobs import Jobs
@@ -18,7 +18,7 @@ from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
 from plateau.metric import allowed_non_finite
-from plateau.service.judging.previews import MOST as MOST_PREVIEWS
+from plateau.picture.previews import MOST as MOST_PREVIEWS
 from tests.support.farms.real_farm import Farm
 from tests.support.until import until
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import pytest
 
-from plateau.farm.process import libc
+from plateau.farm.process.lifecycle import c_call
 from tests.support.missing import missing
 
 _DEVICE: Final = Path("/dev/fuse")
@@ -37,7 +37,7 @@ class BoundFolder:
     def __enter__(self) -> Path:
         self._seen.mkdir()
         folder, seen = os.fsencode(self._folder), os.fsencode(self._seen)
-        libc.call("mount", folder, seen, None, _BIND, None, what="mount")
+        c_call("mount", folder, seen, None, _BIND, None, what="mount")
         return self._seen
 
     def __exit__(
@@ -66,7 +66,7 @@ class SilentMount:
         self._device = os.open(_DEVICE, os.O_RDWR | os.O_CLOEXEC)
         options = f"fd={self._device},rootmode={_FOLDER_MODE:o},user_id=0,group_id=0,allow_other"
         where = os.fsencode(self._folder)
-        libc.call("mount", b"silent", where, b"fuse", 0, options.encode(), what="mount")
+        c_call("mount", b"silent", where, b"fuse", 0, options.encode(), what="mount")
         threading.Thread(target=self._greet, daemon=True).start()
         return self
 
@@ -95,4 +95,4 @@ def _needs_root() -> None:
 
 
 def _unmount(folder: Path) -> None:
-    libc.call("umount2", os.fsencode(folder), _DETACH, what="umount")
+    c_call("umount2", os.fsencode(folder), _DETACH, what="umount")

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches, Steer
@@ -27,9 +27,9 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import Pair
+from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
-from plateau.farm.redis.commands.troubles import NoteTold, NoteTroubles
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 from tests.support.farms.receiver import SECRET

@@ -15,7 +15,7 @@ from tests.support.scenes.bundle_mutator import (
     archive,
     vandalise,
 )
-from tests.support.scenes.bundles import PLY
+from tests.support.scenes.bundles import PLY, PNG
 
 #: Nobody may ever make this.
 CANARY = "/tmp/plateau-canary"
@@ -288,7 +288,7 @@ CONTENTS = st.sampled_from([b"", PLY, b"<scene", b"PK\3\4", BOMB]) | PARTS | st.
 @st.composite
 def _entries(draw: st.DrawFn) -> list[Entry]:
     scene = draw(st.one_of(PLAIN_SCENES, PLAIN_SCENES, SCENES))
-    good = {"scene.xml": scene, "a.ply": PLY, "tex/b.png": b"\x89PNG", "é.ply": PLY}
+    good = {"scene.xml": scene, "a.ply": PLY, "tex/b.png": PNG, "é.ply": PLY}
     good |= {"part.xml": draw(PARTS), "deep/er/c.xml": b"<scene/>"}
     top = draw(st.sampled_from(["", "", "room/"]))
     entries = [Entry((top + name).encode(), content) for name, content in good.items()]

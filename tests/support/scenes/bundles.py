@@ -20,6 +20,8 @@ end_header
 0 1 0
 3 0 1 2
 """
+#: The least that has the beginning and the end of a PNG.
+PNG = b"\x89PNG\r\n\x1a\n\0\0\0\0IEND\xaeB`\x82"
 SENSOR = '<sensor type="perspective"/>'
 
 

@@ -50,5 +50,6 @@ def test_another_film_is_refused_in_words(
 def test_every_process_makes_it_with_the_same_bits(variant: str) -> None:
     first, again = (probe(variant, library_for(variant)) for _ in range(2))
     assert first.ok, first.detail
+    assert first.detail == f"rendered a known image, bits {first.bits}"
     assert first.bits
     assert again == first

@@ -14,7 +14,7 @@ from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import ChildDied, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.until import until
-from tests.worker.supervisor.test_supervisor import SCENE, Bench, render_children, the_child
+from tests.worker.supervisor.test_supervisor import SCENE, Bench, the_child
 
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
 #: Mitsuba warns of the parameter, and renders.
@@ -88,10 +88,15 @@ def log(bench: Bench, job_id: str) -> list[LogEntry]:
     return bench.jobs.log(job_id)
 
 
-def test_a_warning_stands_in_the_log_of_the_slice_at_which_it_came(bench: Bench) -> None:
+def test_warnings_and_errors_stand_in_the_log_of_the_slice_at_which_they_came(
+    bench: Bench,
+) -> None:
     job, _ = bench.job(slices=3, scene=WARNED_OF)
+    wrong = WARNED_OF.replace('<bsdf type="diffuse"/>', '<bsdf type="nosuchplugin"/>')
+    bad, _ = bench.job(slices=1, scene=wrong)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+        until(lambda: bench.jobs.get(bad.id).state is JobState.FAILED)
     first, *others = log(bench, job.id)
     assert (first.slice, first.what, first.worker) == (0, "committed", worker.id)
     assert WARNING in first.text
@@ -100,48 +105,8 @@ def test_a_warning_stands_in_the_log_of_the_slice_at_which_it_came(bench: Bench)
         (1, "committed", ""),
         (2, "committed", ""),
     ]
-
-
-@pytest.mark.long
-def test_last_words_stand_in_the_log_with_the_cause(bench: Bench) -> None:
-    job, _ = bench.job(
-        slices=1,
-        scene=WARNED_OF,
-        parameters={"size": 512},
-        slice_spp=4096,
-        step=4096,
-        max_spp=8192,
-    )
-    with bench.worker() as worker:
-        until(render_children)
-        child = the_child()
-        until(lambda: child.cpu_times().user > 3)  # it has loaded, and renders
-        child.send_signal(signal.SIGSEGV)
-        until(lambda: log(bench, job.id))
-        (death,) = log(bench, job.id)
-        bench.jobs.cancel(job.id)
-    assert (death.slice, death.what, death.worker) == (0, "died", worker.id)
-    assert "SIGSEGV while rendering a pass" in str(death.cause)
-    assert WARNING in death.text
-    assert death.seconds is not None
-    assert death.seconds > 0
-
-
-def test_a_scene_error_ends_the_log(bench: Bench) -> None:
-    wrong = WARNED_OF.replace('<bsdf type="diffuse"/>', '<bsdf type="nosuchplugin"/>')
-    job, _ = bench.job(slices=1, scene=wrong)
-    with bench.worker():
-        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
-    (entry,) = log(bench, job.id)
+    # A scene error ends the log, and nothing in it says where this machine keeps things
+    (entry,) = log(bench, bad.id)
     assert (entry.slice, entry.what) == (0, "failed")
     assert "nosuchplugin" in str(entry.cause)
-    # Nothing in it says where this machine keeps things
     assert str(bench.settings.cache) not in entry.model_dump_json()
-
-
-def test_a_stopped_worker_says_why_it_gave_its_slice_back(bench: Bench) -> None:
-    job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
-    with bench.worker():
-        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
-    (entry,) = log(bench, job.id)
-    assert (entry.what, entry.cause) == ("handed-back", "the worker stops")

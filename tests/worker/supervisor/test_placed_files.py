@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.bundle.hashes import FileHashes
 from plateau.farm.bundle.placing import find_placed, write_placed
 from plateau.farm.images.exr import decode_partial
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import FilesDiffer
 from plateau.farm.model.job import Job
 from plateau.farm.model.scene_roots import read_roots
@@ -95,7 +96,7 @@ def test_it_is_rendered_from_the_files_in_the_root(studio: Studio, assets: Path)
     with studio.worker():
         until(lambda: all(studio.jobs.ledger(job.id) for job in jobs), 30)
         # It says which roots it has: of those of its settings, the one that is there
-        (about,) = studio.jobs.workers()
+        (about,) = Workers(studio.client).living()
         assert about.tags == ("root.assets",)
     # Then both have the same bits, and the mesh is in them
     blob_names = (studio.jobs.ledger(job.id)[0]["blob"] for job in jobs)
@@ -118,7 +119,7 @@ def test_a_worker_that_sees_another_file_does_not_render_it(studio: Studio, asse
             "content"
         )
         # It is left out of the job, and the job waits for another
-        left_out = {one.id: one.left_out_of for one in studio.jobs.workers()}
+        left_out = {one.id: one.left_out_of for one in Workers(studio.client).living()}
         assert (left_out[other.id], studio.jobs.get(job.id).state.ended) == ((job.id,), False)
         studio.next_worker_sees("same", QUAD)
         with studio.worker() as same:

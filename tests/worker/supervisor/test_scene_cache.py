@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.worker.supervisor.scene_cache import SceneCache

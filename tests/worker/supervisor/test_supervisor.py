@@ -18,19 +18,20 @@ import psutil
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.schema import check_schema
+from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.kinds import Kinds
@@ -144,8 +145,8 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     job, _ = bench.job(slices=3, seed=2)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
-        until(lambda: bench.jobs.workers()[0].slices_done == 3)
-        assert bench.jobs.workers()[0].id == worker.id
+        until(lambda: Workers(bench.client).living()[0].slices_done == 3)
+        assert Workers(bench.client).living()[0].id == worker.id
     # The ledger has each slice, its seeds as the schedule has them, and who did it
     schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
     for index, record in bench.jobs.ledger(job.id).items():
@@ -164,7 +165,7 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     (note,) = now.notes
     assert note.startswith("the scene's 'multijitter' sampler was replaced by 'independent': ")
     # It has signed off, and its child is gone
-    assert bench.jobs.workers() == []
+    assert Workers(bench.client).living() == []
     assert not render_children()
 
 
@@ -184,58 +185,39 @@ def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
     np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize(
-    ("scene", "spec", "words"),
-    [
-        (SCENE.format(integrator="nosuchplugin"), {}, "nosuchplugin"),
-        (SCENE.format(integrator="path"), {"parameters": {"wrong": 1}}, "wrong"),
-        (SCENE.format(integrator="path"), {"sensor": 3}, "no sensor 3"),
-        (SCENE.format(integrator="path"), {"parameters": {"size": 0}}, "0"),
-        (
-            SCENE.format(integrator="path"),
-            {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
-            "distinct seeds",
-        ),
-        ("<scene version='3.0.0'><nonsense/></scene>", {}, "nonsense"),
-        ("no scene at all", {}, "neither a Mitsuba XML nor"),
-    ],
-)
-def test_a_bad_scene_fails_its_job_in_words_and_the_next_job_runs(
-    bench: Bench, scene: str, spec: dict[str, object], words: str
-) -> None:
-    bad, _ = bench.job(slices=2, scene=scene, **spec)
+PLAIN = SCENE.format(integrator="path")
+#: What is said of a scene and a spec that cannot be rendered.
+BAD: dict[str, tuple[str, dict[str, object]]] = {
+    "nosuchplugin": (SCENE.format(integrator="nosuchplugin"), {}),
+    "wrong": (PLAIN, {"parameters": {"wrong": 1}}),
+    "no sensor 3": (PLAIN, {"sensor": 3}),
+    "0": (PLAIN, {"parameters": {"size": 0}}),
+    "distinct seeds": (
+        PLAIN,
+        {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
+    ),
+    "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
+        PLAIN,
+        {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
+    ),
+    "nonsense": ("<scene version='3.0.0'><nonsense/></scene>", {}),
+    "neither a Mitsuba XML nor": ("no scene at all", {}),
+    "has no scene": (PLAIN + "<!-- lost -->", {}),
+}
+
+
+def test_bad_scenes_fail_their_jobs_in_words_and_the_next_job_runs(bench: Bench) -> None:
+    bad = {said: bench.job(slices=2, scene=one, **spec)[0] for said, (one, spec) in BAD.items()}
+    bench.store.delete(blobs.scene(bad["has no scene"].scene_sha256))
     with bench.worker():
-        until(lambda: bench.jobs.get(bad.id).state.ended)
+        until(lambda: all(bench.jobs.get(job.id).state.ended for job in bad.values()))
         good, _ = bench.job(slices=1)
         until(lambda: len(bench.jobs.ledger(good.id)) == 1)
-    failed = bench.jobs.get(bad.id)
-    assert failed.state is JobState.FAILED
-    assert words in failed.reason
-    assert str(bench.settings.cache) not in failed.reason
-
-
-@pytest.mark.long
-def test_a_scene_that_kills_its_child_fails_after_three_tries(bench: Bench) -> None:
-    job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
-    with bench.worker():
-        for _ in range(3):
-            until(render_children)
-            child = the_child()
-            until(lambda child=child: child.cpu_times().user > 3)  # it renders by then
-            child.send_signal(signal.SIGSEGV)
-            until(lambda child=child: not child.is_running())  # the supervisor reaps it
-        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
-    reason = bench.jobs.get(job.id).reason
-    assert reason.startswith("slice 0 failed 3 times")
-    assert reason.count("SIGSEGV") == 1  # what is the same each time is said once
-
-
-def test_a_missing_scene_fails_the_job(bench: Bench) -> None:
-    job, _ = bench.job(slices=1)
-    bench.store.delete(blobs.scene(job.scene_sha256))
-    with bench.worker():
-        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
-    assert "has no scene" in bench.jobs.get(job.id).reason
+    for said, job in bad.items():
+        failed = bench.jobs.get(job.id)
+        assert failed.state is JobState.FAILED
+        assert said in failed.reason
+        assert str(bench.settings.cache) not in failed.reason
 
 
 def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench) -> None:
@@ -246,8 +228,10 @@ def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench)
     )
     job, _ = bench.job(slices=2)
     with bench.worker(broken) as worker:
-        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].trouble is not None)
-        (about,) = bench.jobs.workers()
+        until(
+            lambda: (seen := Workers(bench.client).living()) != [] and seen[0].trouble is not None
+        )
+        (about,) = Workers(bench.client).living()
         assert "llvm_ad_rgb renders nothing here" in str(about.trouble)
         assert about.job is None
         # Then it takes no more work, its slice counts no try, and another worker does the job
@@ -275,7 +259,7 @@ def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
     job, _ = bench.job(slices=1)
     with bench.worker(nothing):
         # Then it says so to the farm, and to the probe of its readiness
-        until(lambda: [one.trouble for one in bench.jobs.workers()] == [why])
+        until(lambda: [one.trouble for one in Workers(bench.client).living()] == [why])
         until(lambda: alive.exists() and alive.read_text() == why)
         assert bench.jobs.log(job.id) == []
         # And renders as soon as it can
@@ -298,8 +282,8 @@ def test_a_worker_whose_bits_are_not_those_of_the_day_before_takes_no_slice(
     job, _ = bench.job(slices=1)
     with bench.worker():
         # Then it says so, and its slice counts no try
-        until(lambda: any(one.trouble for one in bench.jobs.workers()))
-        (about,) = bench.jobs.workers()
+        until(lambda: any(one.trouble for one in Workers(bench.client).living()))
+        (about,) = Workers(bench.client).living()
         assert "scalar_rgb renders other bits of a known image" in str(about.trouble)
         until(lambda: bench.jobs.log(job.id) != [])
         assert bench.jobs.log(job.id)[0].what == "unfit"
@@ -315,14 +299,18 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(
     scene.unlink()
     scene.symlink_to(scene)  # which cannot be read, by root neither
     with bench.worker():
-        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].last_error is not None)
+        until(
+            lambda: (
+                (seen := Workers(bench.client).living()) != [] and seen[0].last_error is not None
+            )
+        )
         assert bench.jobs.get(job.id).state is not JobState.FAILED
         # Readable again in one step: a try in between would find no scene, and fail the job
         (tmp_path / "scene").write_bytes(content)
         (tmp_path / "scene").replace(scene)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         # What troubled it is over with the next slice that it renders
-        until(lambda: bench.jobs.workers()[0].last_error is None)
+        until(lambda: Workers(bench.client).living()[0].last_error is None)
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 
@@ -403,11 +391,12 @@ def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
     job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
     with bench.worker():
         until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
-        time.sleep(0.3)
     # The slice can be leased at once, and no try was counted
     found = SliceQueue(bench.client, "next", 60).lease(("scalar_rgb",), None, in_turn=False)
     assert found is not None
     assert (found.index, found.tries) == (0, 1)
+    (entry,) = bench.jobs.log(job.id)
+    assert (entry.what, entry.cause) == ("handed-back", "the worker stops")
 
 
 def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
@@ -430,13 +419,13 @@ def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None
     worker = Supervisor(bench.settings, scalar(), bench.store, Stop())
     thread = threading.Thread(target=worker.run)
     thread.start()
-    until(lambda: bench.jobs.workers() != [])
-    assert bench.jobs.workers()[0].label == "slurm:7_1"
+    until(lambda: Workers(bench.client).living() != [])
+    assert Workers(bench.client).living()[0].label == "slurm:7_1"
     # It has done what there was before, and signs off
     thread.join(60)
     assert not thread.is_alive()
     assert len(bench.jobs.ledger(job.id)) == 3
-    assert bench.jobs.workers() == []
+    assert Workers(bench.client).living() == []
 
 
 def test_a_redis_that_is_away_for_a_while_costs_nothing(
@@ -454,17 +443,9 @@ def test_a_redis_that_is_away_for_a_while_costs_nothing(
     assert list(bench.jobs.ledger(job.id)) == list(range(6))
 
 
-def test_the_render_child_is_there_before_any_work(bench: Bench) -> None:
-    with bench.worker():
-        until(render_children)
-        early = the_child().pid
-        # The first slice is rendered by that one
-        job, _ = bench.job(slices=1)
-        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
-        assert the_child().pid == early
-
-
-def test_scenes_can_be_opened_whose_cache_is_new_or_was_cleared(bench: Bench) -> None:
+def test_a_child_is_there_before_any_scene_and_another_when_the_cache_was_cleared(
+    bench: Bench,
+) -> None:
     # Given a child that is shut in before any scene is there
     with bench.worker():
         until(render_children)

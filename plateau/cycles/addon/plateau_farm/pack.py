@@ -14,7 +14,7 @@ import bpy
 
 
 def _unpacked() -> list[str]:
-    """Return the files that are needed beside the open one."""
+    """Return the files that are needed besides the open one."""
     images = (
         one
         for one in bpy.data.images

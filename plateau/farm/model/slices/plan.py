@@ -18,7 +18,7 @@ from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.slices.looks import Looks
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.slices.zones import Grid, pixels_of
-from plateau.farm.model.spec.allocation import LAG, ZonesAllocation
+from plateau.farm.model.spec.parts import LAG, ZonesAllocation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

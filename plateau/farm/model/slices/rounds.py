@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from plateau.farm.model.slices.zones import Grid, Zone
-from plateau.farm.model.spec.allocation import ZonesAllocation
+from plateau.farm.model.spec.parts import ZonesAllocation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

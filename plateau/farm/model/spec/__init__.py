@@ -1,6 +1,5 @@
 """What a user asks for: the specification of a job or of a batch, checked field by field."""
 
-from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.job import (
     MAX_ENTRIES,
     BatchSpec,
@@ -9,6 +8,7 @@ from plateau.farm.model.spec.job import (
     parameter_strings,
     stored_spec,
 )
+from plateau.farm.model.spec.parts import ExrSpec, ShotSpec
 from plateau.farm.model.spec.rule_specs import (
     FixedSpec,
     JodSpec,
@@ -20,7 +20,6 @@ from plateau.farm.model.spec.rule_specs import (
     VisibleSpec,
 )
 from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
-from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import PLACES, ViewSpec
 
 __all__ = [

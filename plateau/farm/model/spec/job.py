@@ -7,8 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.seeds import JOB_SEEDS, SeedSchedule
 from plateau.farm.model.spec import texts
+from plateau.farm.model.spec.parts import LEAST_FRAMES
 from plateau.farm.model.spec.shared import SharedSpec
-from plateau.farm.model.spec.shot import LEAST_FRAMES
 
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
@@ -45,8 +45,8 @@ class JobSpec(SharedSpec):
         default=0,
         ge=0,
         le=JOB_SEEDS - 1,
-        description="how much of `seed` tells this frame of a batch from its first one; where a "
-        "scalar variant has too few seeds for all frames, they begin again at the first one's",
+        description="the part of `seed` that differs between the frames of a batch, 0 for the "
+        "first; where a scalar variant has too few seeds for all frames, they repeat",
     )
 
     def parameter_strings(self) -> dict[str, str]:

@@ -18,7 +18,7 @@ _HIDDEN: Final = "/..."
 
 
 class NoticeSpec(BaseModel):
-    """Who is told that the job has ended: a URL, by a signed POST, and the operator's targets."""
+    """Who is notified when the job ends: a URL, by a signed POST, and the operator's targets."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", hide_input_in_errors=True)
 

@@ -1,9 +1,11 @@
 """The base of the models that check a job's specification, and the model of each rule."""
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from plateau.farm.model import input_errors
+from plateau.farm.model.errors import InvalidSpec
 from plateau.rules import Parameter, StoppingRule, create
 
 
@@ -18,6 +20,20 @@ class Strict(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    if not TYPE_CHECKING:  # a type checker would take any fields
+
+        def __new__(cls, **fields: Any) -> "Strict":
+            """Refuse wrong fields in our words where a program names them."""
+            try:
+                if fields:
+                    cls.__pydantic_validator__.validate_python(fields)
+            except ValidationError as error:
+                located = [(one["loc"], one) for one in error.errors(include_url=False)]
+                wrong = input_errors.by_field(located, with_values=True).items()
+                words = "; ".join(": ".join(filter(None, one)) for one in wrong)
+                raise InvalidSpec(words) from None
+            return super().__new__(cls)
 
 
 class RuleModel(Strict):

@@ -11,13 +11,18 @@ from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import texts
-from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
-from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
-from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.notice import NoticeSpec
+from plateau.farm.model.spec.parts import (
+    AllocationSpec,
+    DenoiseSpec,
+    ExrSpec,
+    FrameAllocation,
+    NoDenoising,
+    OidnDenoising,
+    ShotSpec,
+)
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
-from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
 from plateau.rules import MOST_SPP
 
@@ -72,6 +77,10 @@ After = Annotated[
 
 #: Samples per pixel.
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
+
+
+class FilmTooSmall(ValueError):
+    """A rule of the job cannot judge so small an image."""
 
 
 class SharedSpec(Strict):
@@ -140,7 +149,7 @@ class SharedSpec(Strict):
     aovs: Aovs = Field(
         default=(),
         max_length=len(AOV_NAMES),
-        description="what image.exr has beside colour, such as albedo, normal or depth",
+        description="what image.exr has besides colour, such as albedo, normal or depth",
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: Annotated[RuleSpec, texts.NAMED] = Field(
@@ -171,7 +180,7 @@ class SharedSpec(Strict):
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
     notice: NoticeSpec = Field(
-        default_factory=NoticeSpec, description="who is told that the job has ended"
+        default_factory=NoticeSpec, description="who is notified when the job ends"
     )
 
     @model_validator(mode="after")
@@ -245,6 +254,16 @@ class SharedSpec(Strict):
     def by_quality(self) -> bool:
         """Whether one of its rules goes by the quality by ColorVideoVDP."""
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
+
+    def require_size(self, width: int, height: int) -> None:
+        """Raise `FilmTooSmall` where one of its rules cannot judge an image of this size."""
+        for rule in (self.rule, *self.watch):
+            least = rule.behaviour.least_side
+            if min(width, height) < least:
+                raise FilmTooSmall(
+                    f"the rule {rule.name} judges images of {least}×{least} pixels or more, and "
+                    f"this one has {width}×{height}: make the film larger, or name another rule"
+                )
 
     @property
     def film_values(self) -> int:

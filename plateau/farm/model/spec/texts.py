@@ -4,10 +4,13 @@ A value of another kind passes as it is; the fields' own checks then speak of it
 A list becomes a tuple: what passes here is no longer JSON, whose lists a strict check takes.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BeforeValidator
+from pydantic_core.core_schema import no_info_before_validator_function
 
 
 def _named(value: Any) -> Any:
@@ -65,9 +68,32 @@ def _list(value: Any) -> Any:
     return (value,) if isinstance(value, str) else _tuple(value)
 
 
-NAMED, SHOT, COLOUR, PARAMETERS, LIST, LISTED = map(
-    BeforeValidator, (_named, _shot, _colour, parameters, _list, _tuple)
-)
+@dataclass(frozen=True)
+class _Text:
+    """Reads the text form of a field, and names it in the schema of requests."""
+
+    read: Callable[[Any], Any]
+    form: str  #: of the text, for people
+    is_several: bool = False  #: whether a list of texts is one too
+
+    def __get_pydantic_core_schema__(self, kind: Any, handler: Any) -> Any:
+        return no_info_before_validator_function(self.read, handler(kind))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+        found = handler(schema)
+        if handler.mode == "serialization":
+            return found
+        text = {"type": "string", "description": f"as text: {self.form}"}
+        several = [{**text, "type": "array", "items": {"type": "string"}}] * self.is_several
+        return {"anyOf": [*found.pop("anyOf", [found]), text, *several]}
+
+
+NAMED = _Text(_named, "NAME or NAME:PARAMETER=VALUE,…")
+SHOT = _Text(_shot, "FPS or FPS:target=JOD")
+COLOUR = _Text(_colour, "R,G,B")
+PARAMETERS = _Text(parameters, "NAME=VALUE", is_several=True)
+LIST = _Text(_list, "one entry of the list")
+LISTED = BeforeValidator(_tuple)
 
 
 def _definitions(text: str, form: str, whole: str) -> dict[str, Any]:

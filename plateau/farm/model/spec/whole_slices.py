@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from plateau.farm.model.spec.allocation import LAG
+from plateau.farm.model.spec.parts import LAG
 from plateau.farm.model.spec.shared import SharedSpec
 from plateau.rules import MOST_SPP
 

@@ -8,15 +8,15 @@ from typing import Annotated, Any, Generic, TypeVar, get_args
 
 from pydantic import BeforeValidator, TypeAdapter
 
-Answer = TypeVar("Answer")
+Reply = TypeVar("Reply")
 Item = TypeVar("Item")
 
-#: A list in an answer; Lua has one kind of table, so an empty list comes as an object.
+#: A list in a reply; Lua has one kind of table, so an empty list comes as an object.
 Items = Annotated[tuple[Item, ...], BeforeValidator(lambda found: found or ())]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command(Generic[Answer]):
+class Command(Generic[Reply]):
     """A command of the script; Lua gets a table of its fields that are not None.
 
     JSON from Lua has 14 digits, so a number that must come back to the bit passes as text.
@@ -33,15 +33,15 @@ class Command(Generic[Answer]):
         given = {name: value for name, value in vars(self).items() if value is not None}
         return json.dumps(given, ensure_ascii=False, allow_nan=False, default=vars)
 
-    def read_answer(self, text: str) -> Answer:
-        """The script's answer to it."""
+    def read_reply(self, text: str) -> Reply:
+        """The script's reply to it."""
         kind: Any = type(self)
-        found: Answer = _adapter(kind).validate_json(text)
+        found: Reply = _adapter(kind).validate_json(text)
         return found
 
 
 @cache
 def _adapter(command: Any) -> TypeAdapter[Any]:
-    """Reads answers to a command of this class; the type is in the brackets behind its base."""
+    """Reads replies to a command of this class; the type is in the brackets behind its base."""
     (base,) = command.__orig_bases__
     return TypeAdapter(get_args(base)[0])

@@ -1,11 +1,11 @@
-"""Commands that create, continue, steer and end jobs."""
+"""Commands that create, continue, steer, end, delete and restore jobs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.model.states import EndedBy
-from plateau.farm.redis.commands.command import Answer, Command
+from plateau.farm.redis.commands.command import Command, Reply
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Made:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CreationCommand(Command[Answer]):
+class CreationCommand(Command[Reply]):
     """A command that creates jobs."""
 
     idempotency: str  #: key, or ""
@@ -125,3 +125,19 @@ class Reprioritise(Command[Moved]):
 
     job: str
     priority: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deleted:
+    """The answer to a job's deletion or restoration."""
+
+    outcome: Literal["done", "illegal"]
+    state: str = ""  #: if illegal, the state that forbids it, or ``missing``
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetDeleted(Command[Deleted]):
+    """Delete an ended job, or restore it."""
+
+    job: str
+    deleted: bool

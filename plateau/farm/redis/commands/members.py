@@ -1,10 +1,10 @@
-"""Heartbeats of monitors, draining of workers, pairing of Redis and blob store."""
+"""Heartbeats of workers and monitors, draining of workers, pairing of Redis and blob store."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.command import Command, Items
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,3 +32,28 @@ class Pair(Command[str]):
 
     id: str
     is_marked: bool  #: whether the blob store has it
+
+
+@dataclass(frozen=True)
+class LeaseName:
+    """The name of a lease: the job, and the entry of its stream."""
+
+    job: str
+    entry: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heartbeat(Command[Items[LeaseName]]):
+    """Report that a worker lives, and renew its leases; answers the lost ones."""
+
+    worker: str
+    about: str  #: JSON
+    lease_ms: int
+    leases: tuple[LeaseName, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leave(Command[None]):
+    """Sign a worker off."""
+
+    worker: str

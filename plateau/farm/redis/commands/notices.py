@@ -1,4 +1,4 @@
-"""The outbox: notices of ended jobs on their way to who is to hear of it."""
+"""The outbox: notices of ended jobs, and of troubles, on their way to who is to hear of them."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -39,3 +39,20 @@ class SettleNotice(Command[Literal["settled", "lost"]]):
     end: TryEnd
     error: str
     delay_ms: int  #: until the next try
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoteTroubles(Command[Items[str]]):
+    """Note the troubles that there are, as ``SCOPE TARGET TROUBLE``; answers those to tell now."""
+
+    scope: str  #: whose troubles these are all
+    found: tuple[str, ...]
+    patience_ms: int  #: for which a trouble lasts before anyone is notified
+    lease_ms: int  #: for which its caller may tell it
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoteTold(Command[None]):
+    """Note that someone was notified of a trouble."""
+
+    trouble: str

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.redis.commands.command import Answer, Command, Items
+from plateau.farm.redis.commands.command import Command, Items, Reply
 from plateau.farm.redis.commands.jobs import DecidedRound
 
 
@@ -40,7 +40,7 @@ class Disown(Command[None]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnerCommand(Command[Answer]):
+class OwnerCommand(Command[Reply]):
     """A command of the owner's; another monitor gets the answer ``fenced``, or None."""
 
     job: str

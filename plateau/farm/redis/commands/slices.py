@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.redis.commands.command import Answer, Command
+from plateau.farm.redis.commands.command import Command, Reply
 
 CommitEnd = Literal["committed", "duplicate", "ended", "stale", "overlap"]
 
@@ -36,7 +36,7 @@ class Lease(Command[Offer]):
     """Ask for the next slice."""
 
     worker: str
-    kind: str  #: `plateau.farm.model.fit.Kind`
+    kind: str  #: `plateau.farm.model.fit.WorkerClass`
     loaded: str  #: the job whose scene it has loaded, or ""
     in_turn: bool  #: whether its turn with that job lasts
     lease_ms: int
@@ -44,7 +44,7 @@ class Lease(Command[Offer]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeaseCommand(Command[Answer]):
+class LeaseCommand(Command[Reply]):
     """A command about a leased slice."""
 
     job: str
@@ -53,7 +53,7 @@ class LeaseCommand(Command[Answer]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TryCommand(LeaseCommand[Answer]):
+class TryCommand(LeaseCommand[Reply]):
     """A command that ends a try of a slice."""
 
     index: int

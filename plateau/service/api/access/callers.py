@@ -7,7 +7,8 @@ from typing import Annotated, Final
 from fastapi import Depends, Request
 
 from plateau.farm.ledger.api_keys import ApiKey, Role
-from plateau.service.api.problems.problem import NOT_YOUR_JOB, ROLE_TOO_LOW, Problem
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,8 @@ class Caller:
         """Raise the problem unless the caller may drain and resume workers."""
         if self.key is not None and self.key.role is not Role.ADMIN:
             raise Problem(
-                ROLE_TOO_LOW,
-                f"workers serve every key, so only one with the role {Role.ADMIN.value} may steer "
-                f"them, and the key {self.key.name!r} has the role {self.key.role.value}",
+                problems.WORKERS_ARE_SHARED,
+                key=self.key.name,
                 role=self.key.role.value,
                 needed=Role.ADMIN.value,
             )
@@ -55,14 +55,8 @@ class Caller:
     def check_may_steer(self, job_id: str, owner: str | None) -> None:
         """Raise the problem unless the caller may change this owner's job."""
         if not self.may_steer(owner):
-            raise Problem(NOT_YOUR_JOB, f"job {job_id} {not_yours(owner)}", job_id=job_id)
-
-
-def not_yours(owner: str | None) -> str:
-    """Why another key may not change what belongs to the owner; follows the name of the thing."""
-    if owner:
-        return "belongs to another key; only that key, or one with the role admin, may change it"
-    return "was made without a key; only a key with the role admin may change it"
+            kind = problems.NOT_YOUR_JOB if owner else problems.JOB_OF_NO_KEY
+            raise Problem(kind, job_id=job_id)
 
 
 #: The caller of an open API.

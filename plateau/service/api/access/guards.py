@@ -8,16 +8,11 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from plateau.farm.process.addresses import is_loopback
+from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.http.layers import Layer
-from plateau.service.api.problems.problem import (
-    FOREIGN_HOST,
-    FOREIGN_ORIGIN,
-    MALFORMED_REQUEST,
-    UPLOAD_TOO_LARGE,
-    Problem,
-)
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem, ProblemType
 
 #: ``Host`` by RFC 9110: a name or an address, and an optional port.
 _HOST: Final = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z.-]+)(?::[0-9]{1,5})?")
@@ -42,30 +37,15 @@ def refuse_foreign(scope: Scope) -> None:
     host = header(scope["headers"], b"host") or ""
     named = _HOST.fullmatch(host)
     if named is None or not is_loopback(named[1]):
-        raise _foreign_host(f"the request is addressed to {host!r}")
+        raise Problem(problems.FOREIGN_HOST, host=host)
     if any(name in _FROM_A_PROXY for name, _ in scope["headers"]):
-        raise _foreign_host("the request came through a proxy")
+        raise Problem(problems.THROUGH_A_PROXY)
     origin = header(scope["headers"], b"origin")
     if origin is not None and origin.lower() != f"{scope['scheme']}://{host}".lower():
-        raise Problem(
-            FOREIGN_ORIGIN, f"a page of {origin!r} made this request; only the API's own pages may"
-        )
+        raise Problem(problems.FOREIGN_ORIGIN, origin=origin)
     site = header(scope["headers"], b"sec-fetch-site")
     if site is not None and site.lower() not in _OWN:
-        raise Problem(
-            FOREIGN_ORIGIN,
-            f"a page of another web site made this request (Sec-Fetch-Site: {site}); only the "
-            "API's own pages may; where you followed a link, enter its address yourself",
-        )
-
-
-def _foreign_host(what: str) -> Problem:
-    return Problem(
-        FOREIGN_HOST,
-        f"{what}; without API keys, this service answers its own machine only, as localhost, "
-        "127.0.0.1 or [::1]; once `plateau keys create NAME` has made a key, it answers under any "
-        "name",
-    )
+        raise Problem(problems.FOREIGN_SITE, site=site)
 
 
 def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
@@ -99,17 +79,10 @@ class OneLength(Layer):
         in_chunks = b"transfer-encoding" in names
         if in_chunks and (b"content-length" in names or scope["http_version"] == "1.0"):
             await discard(receive)
-            await _AMBIGUOUS.response(scope["path"])(scope, receive, send)
+            refusal = Problem(problems.TWO_LENGTHS)
+            await refusal.response(scope["path"])(scope, receive, send)
         else:
             await self.app(scope, receive, send)
-
-
-_AMBIGUOUS: Final = Problem(
-    MALFORMED_REQUEST,
-    "where the request's body ends cannot be told: send Content-Length, or with HTTP/1.1 "
-    "Transfer-Encoding: chunked, and never both",
-    headers={"Connection": "close"},
-)
 
 
 class BodyLimit(Layer):
@@ -125,11 +98,11 @@ class BodyLimit(Layer):
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, counting the bytes of its body."""
-        most, setting = self._limit(scope)
+        most, refusal = self._limit(scope)
         announced = header(scope["headers"], b"content-length")
         if announced is not None and announced.isdigit() and int(announced) > most:
             await discard(receive)
-            await _too_large(most, setting).response(scope["path"])(scope, receive, send)
+            await refusal.response(scope["path"])(scope, receive, send)
             return
         received = 0
 
@@ -140,30 +113,25 @@ class BodyLimit(Layer):
             if received > most:
                 if message.get("more_body"):
                     await discard(receive)
-                raise _too_large(most, setting)
+                raise refusal
             return message
 
         await self.app(scope, counted, send)
 
-    def _limit(self, scope: Scope) -> tuple[int, str]:
-        """The most bytes of the body, and what sets that limit."""
+    def _limit(self, scope: Scope) -> tuple[int, Problem]:
+        """The most bytes of the body, and the problem with more."""
         kind = (header(scope["headers"], b"content-type") or "").lower()
         if scope["method"] != "POST" or not kind.startswith("multipart/form-data"):
-            return _MOST_OF_A_CHANGE, ""
+            return _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
         caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
         most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
         if most < self._most:
-            return most, f", the limit of the key {caller.name!r}"
-        return self._most, "; PLATEAU_MAX_UPLOAD_GB sets the limit"
+            return _limited(problems.LARGE_FOR_THE_KEY, most, key=caller.name)
+        return _limited(problems.UPLOAD_TOO_LARGE, self._most)
 
 
-def _too_large(most: int, setting: str) -> Problem:
-    return Problem(
-        UPLOAD_TOO_LARGE,
-        f"the request has more than {most:,} bytes{setting}",
-        headers={"Connection": "close"},
-        limit_bytes=most,
-    )
+def _limited(kind: ProblemType, most: int, **fields: str) -> tuple[int, Problem]:
+    return most, Problem(kind, limit_bytes=most, **fields)
 
 
 async def discard_body(scope: Scope, receive: Receive) -> None:

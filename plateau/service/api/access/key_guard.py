@@ -25,7 +25,7 @@ from plateau.farm.model.errors import Incompatible, StoreUnavailable
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.access.guards import discard_body, header, refuse_foreign
 from plateau.service.api.http.layers import Layer
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
 
 #: Threads that look up keys; a look-up takes less than a millisecond.
@@ -94,24 +94,33 @@ class KeyGuard(Layer):
         except (Incompatible, StoreUnavailable, TimeoutError) as error:
             if metrics and self._is_remembered(scope):
                 return ANYBODY
-            raise problems.unavailable(scope["method"], scope["path"], error) from error
+            kind = problems.STORE_UNAVAILABLE if str(error) else problems.REDIS_SILENT
+            raise problems.unavailable(scope["method"], scope["path"], kind, error) from error
 
     def _looked_up(self, scope: Scope) -> Caller:
         shown = _shown_key(scope)
         key = None if shown is None else self._keys.find(shown)
         if shown is None or key is None:
             if self._are_keys_wanted():
-                raise _bad_key() if shown else _no_key()
+                raise Problem(problems.BAD_KEY if shown else problems.NO_KEY)
             refuse_foreign(scope)
             return ANYBODY
         self._wanted = True
         self._seen[key.id] = key
         wait_s = self._allowance.seconds_to_wait(key)
         if wait_s > 0:
-            raise _too_many_requests(key, wait_s)
+            raise Problem(
+                problems.TOO_MANY_REQUESTS,
+                key=key.name,
+                rate=key.limits.requests_per_minute,
+                burst=key.limits.burst,
+                seconds=max(1, math.ceil(wait_s)),
+            )
         needed = Role.VIEWER if scope["method"] in _READING else Role.SUBMITTER
         if not key.role.includes(needed):
-            raise _role_too_low(key, needed)
+            raise Problem(
+                problems.ROLE_TOO_LOW, key=key.name, role=key.role.value, needed=needed.value
+            )
         caller = Caller(key, partial(self._still_opens, shown))
         self._check_job(scope, caller)
         return caller
@@ -154,44 +163,3 @@ def needs_key(path: str) -> bool:
 def _shown_key(scope: Scope) -> str | None:
     match = _BEARER.fullmatch((header(scope["headers"], b"authorization") or "").strip())
     return None if match is None else match[1]
-
-
-def _no_key() -> Problem:
-    return Problem(
-        problems.NO_KEY,
-        "this service needs an API key, in the header Authorization: Bearer KEY; plateau's "
-        "commands take it from PLATEAU_KEY or PLATEAU_KEY_FILE, its Python client as "
-        "Client(key=…), and `plateau keys create NAME`, where the service runs, makes one",
-        headers={"WWW-Authenticate": 'Bearer realm="plateau"'},
-    )
-
-
-def _bad_key() -> Problem:
-    return Problem(
-        problems.BAD_KEY,
-        "the service does not know this key, or it was revoked; check PLATEAU_KEY, or ask who "
-        "runs the service for another: `plateau keys create NAME` makes one",
-        headers={"WWW-Authenticate": 'Bearer realm="plateau", error="invalid_token"'},
-    )
-
-
-def _role_too_low(key: ApiKey, needed: Role) -> Problem:
-    return Problem(
-        problems.ROLE_TOO_LOW,
-        f"this needs a key with the role {needed.value}, and the key {key.name!r} has the role "
-        f"{key.role.value}; `plateau keys create NAME --role {needed.value}` makes one",
-        headers={"WWW-Authenticate": 'Bearer realm="plateau", error="insufficient_scope"'},
-        role=key.role.value,
-        needed=needed.value,
-    )
-
-
-def _too_many_requests(key: ApiKey, wait_s: float) -> Problem:
-    rate, burst = key.limits.requests_per_minute, key.limits.burst
-    seconds = max(1, math.ceil(wait_s))
-    return Problem(
-        problems.TOO_MANY_REQUESTS,
-        f"the key {key.name!r} may make {rate:g} requests a minute, and {burst:,} at once; "
-        f"try again in {seconds} s",
-        headers={"Retry-After": str(seconds)},
-    )

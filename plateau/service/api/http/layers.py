@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from plateau.farm.model import versions
 from plateau.farm.process.log import concern
-from plateau.service.api.problems.problem import unavailable
+from plateau.service.api.problems.catalogue import API_STOPS, unavailable
 
 #: The key in a request's scope which says that only the headers of the answer are wanted.
 HEADERS_ONLY: Final = "plateau.headers_only"
@@ -57,7 +57,7 @@ class AnswerWhenCutOff(Layer):
         except asyncio.CancelledError:
             if has_begun:
                 raise
-            cut_off = unavailable(scope["method"], scope["path"], Exception("the API stops"))
+            cut_off = unavailable(scope["method"], scope["path"], API_STOPS)
             await cut_off.response(scope["path"])(scope, receive, send)
 
 

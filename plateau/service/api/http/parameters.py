@@ -6,7 +6,8 @@ from urllib.parse import unquote
 
 from fastapi import Depends, Path, Query
 
-from plateau.service.api.problems.problem import NOT_ACCEPTABLE, Problem
+from plateau.service.api.problems.catalogue import NOT_ACCEPTABLE
+from plateau.service.api.problems.problem import Problem
 
 _QUALITY: Final = re.compile(r";[ \t]*q=([01](?:\.[0-9]{0,3})?)[ \t]*(?:;|$)", re.IGNORECASE)
 
@@ -21,11 +22,7 @@ def chosen(accept: str, offers: tuple[str, ...]) -> str:
     ranges = dict(_range(part) for part in accept.split(",") if part.strip()) or {"*/*": 1.0}
     best = max(offers, key=lambda offer: _quality(offer, ranges))  # the first of equals
     if _quality(best, ranges) == 0:
-        raise Problem(
-            NOT_ACCEPTABLE,
-            f"the answer comes as {' or '.join(offers)}, and Accept is {accept!r}",
-            offers=offers,
-        )
+        raise Problem(NOT_ACCEPTABLE, types=" or ".join(offers), accept=accept, offers=offers)
     return best
 
 

@@ -11,8 +11,9 @@ from plateau.farm.model.job import Job
 from plateau.service.api.http.etags import NOT_MODIFIED, Known, cache_control, not_modified
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.parts import Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import ProblemType
 
 PNG: Final = "image/png"
 EXR: Final = "image/x-exr"
@@ -22,7 +23,7 @@ REPR_DIGEST: Final = "Repr-Digest"
 SPP: Final = "Plateau-Spp"
 
 
-def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
+def described(media_type: str, *kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
     """The OpenAPI ``responses`` of a route that serves a blob of a job."""
     names = ("ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP)
     binary = {"schema": {"type": "string", "format": "binary"}}

@@ -18,7 +18,8 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from plateau.service.api.problems.problem import BUSY, MALFORMED_REQUEST, Problem
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem, ProblemType
 
 #: Headers of every answer. A browser believes the media type, and no page of another site can load
 #: the answer as an image or a script. The server adds them because not every answer passes the
@@ -27,13 +28,6 @@ ON_EVERY_ANSWER: Final = [
     ("X-Content-Type-Options", "nosniff"),
     ("Cross-Origin-Resource-Policy", "same-origin"),
 ]
-
-_UNREADABLE: Final = Problem(
-    MALFORMED_REQUEST,
-    "the request is not HTTP/1.1 by RFC 9112, or its head has more than 64 KiB; check the "
-    "address (http:// or https://), and send fewer or shorter headers",
-    headers={"Connection": "close"},
-)
 
 #: The longest time of a request's head, or of a TLS handshake, in seconds.
 HEAD_S: Final = 10.0
@@ -50,11 +44,6 @@ _OTHERS: Final = 256
 _DESCRIPTORS_EACH: Final = 2
 #: The most connections that wait to be accepted; asyncio accepts this many at once.
 _LONGEST_BACKLOG: Final = 2048
-_TOO_MANY: Final = Problem(
-    BUSY,
-    "this API has as many connections as it may have; try again in 2 s",
-    headers={"Retry-After": "2", "Connection": "close"},
-)
 
 
 def raise_descriptor_limit() -> int:
@@ -75,7 +64,7 @@ def most_connections(descriptors: int) -> int:
 
 
 def backlog(descriptors: int) -> int:
-    """The most connections that may wait to be accepted, beside the open ones."""
+    """The most connections that may wait to be accepted, besides the open ones."""
     return max(1, min(_LONGEST_BACKLOG, most_connections(descriptors) // 2))
 
 
@@ -96,7 +85,7 @@ class Connection(H11Protocol):
         """Accept the connection, or refuse it above the limit."""
         super().connection_made(transport)
         if self.limit_concurrency is not None and len(self.connections) >= self.limit_concurrency:
-            self.refuse(_TOO_MANY)
+            self.refuse(problems.TOO_MANY_CONNECTIONS)
         else:
             self._watch()
 
@@ -120,12 +109,12 @@ class Connection(H11Protocol):
         if self.cycle is not None:  # the app may still be answering a request with a broken body
             self.cycle.disconnected = True
             self.cycle.message_event.set()
-        self.refuse(_UNREADABLE)
+        self.refuse(problems.NOT_HTTP)
 
-    def refuse(self, problem: Problem) -> None:
+    def refuse(self, kind: ProblemType) -> None:
         """Answer with a problem, unless an answer has begun, and close the connection."""
         if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
-            answer = problem.response("")
+            answer = Problem(kind).response("")
             headers = [*self.server_state.default_headers, *answer.raw_headers]
             reason = HTTPStatus(answer.status_code).phrase.encode()
             for event in (

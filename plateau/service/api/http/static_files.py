@@ -9,7 +9,7 @@ from typing import Final
 from fastapi import Response
 
 from plateau.service.api.http.etags import REVALIDATE, Known, not_modified, strong
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
 
 _MEDIA_TYPES: Final = {
@@ -69,7 +69,7 @@ def serve(
     """Serve a file under this content-security policy, or a 304 if the client has it."""
     found = files.get(name)
     if found is None:
-        raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")
+        raise Problem(problems.NO_PAGE_FILE, name=name)
     header = "; ".join(" ".join(directive) for directive in policy.items())
     headers = {**_HEADERS, "Content-Security-Policy": header, "ETag": found.tag}
     if has.anything or has.has(found.tag):

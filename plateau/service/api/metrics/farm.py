@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as TooLate
+from functools import partial
 from importlib.metadata import version
 from typing import Final, Generic, TypeVar
 
@@ -21,10 +22,10 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.totals import Census
+from plateau.farm.ledger.totals import Census, take_census
 from plateau.farm.model.durations import Histogram
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.redis.client import RedisClient
 from plateau.service.api.metrics.requests import Requests
 
 CONTENT_TYPE: Final = CONTENT_TYPE_PLAIN_0_0_4
@@ -38,9 +39,9 @@ _Answer = TypeVar("_Answer")
 class Metrics:
     """All metrics of one API process, in their own registry."""
 
-    def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
+    def __init__(self, client: RedisClient, blobs: Blobs) -> None:
         self._registry = CollectorRegistry(auto_describe=False)
-        self._registry.register(_Farm(jobs, blobs))
+        self._registry.register(_Farm(client, blobs))
         self.requests = Requests(self._registry)
 
     def exposition(self) -> bytes:
@@ -51,8 +52,8 @@ class Metrics:
 class _Farm(Collector):
     """Counts the farm at each scrape."""
 
-    def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
-        self._census = _Question(jobs.census)
+    def __init__(self, client: RedisClient, blobs: Blobs) -> None:
+        self._census = _Question(partial(take_census, client))
         self._blobs = _Question(lambda: blobs.exists("scenes/none") or True)
 
     def collect(self) -> Iterator[Metric]:

@@ -18,17 +18,17 @@ from plateau.service.api.points import KeptSlice
 if TYPE_CHECKING:
     from plateau.farm.images.channels import Colour
     from plateau.farm.images.exr import Pixels
-    from plateau.farm.images.look import Look
+    from plateau.farm.images.view_transform import ViewTransform
     from plateau.service.api.points.sums import PointSums
 
-    #: Makes a file of an image, and of the function that returns its scene's look.
-    Encode = Callable[[Pixels, Callable[[], Look | None]], bytes]
+    #: Makes a file of an image, and of the function that returns its scene's view transform.
+    Encode = Callable[[Pixels, Callable[[], ViewTransform | None]], bytes]
 
 #: The largest film of R, G, B and W, cinema's 4K; merging it takes 0.4 GB.
 MOST_PIXELS: Final = 4096 * 2160
 #: Requests of all clients that may wait in one process.
 MOST_WAITING: Final = 8
-#: Seconds between two looks at whether a client is still connected.
+#: Seconds between two checks whether a client is still connected.
 _ASKED_EVERY_S: Final = 0.25
 
 
@@ -106,4 +106,4 @@ class PointImages:
             background=background,
             zone_size=zone_size,
         )
-        return None if image is None else encode(image, lambda: sums.look(slices))
+        return None if image is None else encode(image, lambda: sums.transform(slices))

@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial, JobNotFound
 from plateau.farm.model.job import Job
+from plateau.picture.checkpoints import read_sums
+from plateau.picture.facts import FILE, decode_facts
+from plateau.picture.films import checked_partial
+from plateau.picture.merge import Merge
+from plateau.picture.result_files import NoiseMaps, result_files
 from plateau.rules import CURVE
-from plateau.service.judging.checkpoints import read_sums
-from plateau.service.judging.facts import FILE, decode_facts
-from plateau.service.judging.films import checked_partial
-from plateau.service.judging.merge import Merge
-from plateau.service.judging.result_files import NoiseMaps, result_files
 
 if TYPE_CHECKING:
-    from plateau.service.judging.judge import Judge
+    from plateau.picture.judge import Judge
 
 _LOG = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memor
 def _judge(job: Job, memory: _Memory) -> "Judge":
     """The job's judge, who remembers its first image."""
     # Imported here, because it loads the compiled metric, which the API needs for nothing else.
-    from plateau.service.judging.judge import Judge
+    from plateau.picture.judge import Judge
 
     judge = Judge(job.spec)
     judge.recall(*memory)

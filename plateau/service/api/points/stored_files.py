@@ -23,10 +23,8 @@ class SpoiledBlob(Exception):
     """A stored blob is not what was written, and cannot be made again."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(
-            f"what was stored as {name} is damaged or lost, and what is kept of its job does not "
-            "suffice to make it again; restore that blob from a backup, or render the scene again"
-        )
+        super().__init__(f"{name} is damaged or lost, and cannot be made again")
+        self.name = name
 
 
 class StoredFiles:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
-from plateau.farm.images.look import Look
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.errors import CorruptPartial
+from plateau.picture.films import checked_partial
+from plateau.picture.merge import Merge
 from plateau.service.api.points import KeptSlice, SliceLost
-from plateau.service.judging.films import checked_partial
-from plateau.service.judging.merge import Merge
 
 #: The most bytes of sums that are kept; the newest sum always is.
 _REMEMBERED: Final = 128 << 20
@@ -83,9 +83,9 @@ class PointSums:
         self._remember((job_id, done), found)
         return found.channels.seen_in(found.total, background) if done == len(slices) else None
 
-    def look(self, slices: Sequence[KeptSlice]) -> Look | None:
+    def transform(self, slices: Sequence[KeptSlice]) -> ViewTransform | None:
         """The view transform of the job's scene, if it has one; raises `SliceLost`."""
-        return self._partial(0, slices[0]).look
+        return self._partial(0, slices[0]).transform
 
     def _remembered(self, job_id: str, slices: int) -> tuple[int, Sum | None]:
         """The number of slices in the longest usable sum, and that sum: a copy if it will grow."""

@@ -25,48 +25,39 @@ from plateau.farm.model.errors import (
     WorkerNotFound,
 )
 from plateau.farm.model.states import JobState
-from plateau.farm.wire.examples import NOT_JSON
 from plateau.service.api.points.stored_files import SpoiledBlob
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import unavailable
 from plateau.service.api.problems.framework_errors import in_our_words
-from plateau.service.api.problems.problem import Problem, ProblemType, unavailable
-from plateau.service.api.problems.spec_checks import invalid_field, invalid_request
+from plateau.service.api.problems.problem import Problem, ProblemType
+from plateau.service.api.problems.spec_checks import invalid_request
 
-#: The problem of a refused transition, and what is possible instead, by the state aimed at.
+#: The problem of a refused transition, by the state aimed at.
 _REFUSALS: Final = {
-    JobState.CANCELLED: (problems.CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
-    JobState.PAUSED: (
-        problems.CANNOT_PAUSE,
-        "only a job that is rendering can be paused; a queued one can have a lower priority",
-    ),
-    JobState.RENDERING: (problems.CANNOT_RESUME, "only a paused job can be resumed"),
+    JobState.CANCELLED: problems.CANNOT_CANCEL,
+    JobState.PAUSED: problems.CANNOT_PAUSE,
+    JobState.RENDERING: problems.CANNOT_RESUME,
 }
 
-#: Errors whose own message is the detail: the problem, and a remedy to append.
-_AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
-    JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
-    UnreadableJob: (problems.UNREADABLE_JOB, ""),
-    BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
-    WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
-    SpoiledBlob: (problems.SPOILED_FILE, ""),
-}
-
-#: The problems for the framework's bare statuses.
-_BY_STATUS: Final = {
-    400: problems.MALFORMED_REQUEST,
-    404: problems.UNKNOWN_PATH,
-    405: problems.METHOD_NOT_ALLOWED,
+#: Errors that are a problem as they are: it has their message and fields.
+_AS_THEY_ARE: Final[dict[type[Exception], ProblemType]] = {
+    JobNotFound: problems.UNKNOWN_JOB,
+    UnreadableJob: problems.UNREADABLE_JOB,
+    BatchNotFound: problems.UNKNOWN_BATCH,
+    WorkerNotFound: problems.UNKNOWN_WORKER,
+    SpoiledBlob: problems.SPOILED_FILE,
+    TooManyJobs: problems.TOO_MANY_JOBS,
+    TooManyNeeds: problems.TOO_MANY_NEEDS,
+    CannotFollow: problems.CANNOT_FOLLOW,
 }
 
 
-def answer_as_they_are(
-    app: FastAPI, errors: Mapping[type[Exception], tuple[ProblemType, str]]
-) -> None:
-    """Answer each of these errors with its problem; the detail is its message and the remedy."""
+def answer_as_they_are(app: FastAPI, errors: Mapping[type[Exception], ProblemType]) -> None:
+    """Answer each of these errors with its problem, by the error's message and fields."""
 
     def answer_as_it_is(request: Request, error: Exception) -> JSONResponse:
-        kind, what_to_do = errors[type(error)]
-        return Problem(kind, f"{error}{what_to_do}").response(request.url.path)
+        problem = Problem(errors[type(error)], error=error, **vars(error))
+        return problem.response(request.url.path)
 
     for expected in errors:
         app.add_exception_handler(expected, answer_as_it_is)
@@ -82,65 +73,42 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
     @app.exception_handler(HTTPException)
     def answer_http(request: Request, error: HTTPException) -> Response:
         problem = _from_http(request, error)
-        if problem.kind is problems.UNKNOWN_PATH and _wants_a_page(request):
+        if problem.kind.slug == problems.UNKNOWN_PATH.slug and _wants_a_page(request):
             return unknown_page()
         return problem.response(request.url.path)
 
     @app.exception_handler(RequestValidationError)
     def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
         if any(one["type"] == "json_invalid" for one in error.errors()):
-            problem = Problem(problems.MALFORMED_REQUEST, NOT_JSON)
-            return problem.response(request.url.path)
+            return Problem(problems.MALFORMED_REQUEST).response(request.url.path)
         return invalid_request(error.errors()).response(request.url.path)
 
     @app.exception_handler(IllegalTransition)
-    def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
-        kind, possible = _REFUSALS[JobState(error.target)]
-        detail = f"job {error.job_id} {JobState(error.state).clause}; {possible}"
-        problem = Problem(kind, detail, state=error.state, story=error.story)
-        return problem.response(request.url.path)
-
     @app.exception_handler(JobEnded)
-    def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
-        clause = JobState(error.state).clause
-        detail = f"job {error.job_id} {clause}; only a job that has not ended can be changed"
-        problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
+    def answer_illegal(request: Request, error: IllegalTransition | JobEnded) -> JSONResponse:
+        kind = problems.JOB_ENDED
+        if isinstance(error, IllegalTransition):
+            kind = _REFUSALS[JobState(error.target)]
+        problem = Problem(
+            kind,
+            job=error.job_id,
+            clause=JobState(error.state).clause,
+            state=error.state,
+            story=error.story,
+        )
         return problem.response(request.url.path)
 
     @app.exception_handler(JobNotEnded)
     def answer_not_ended(request: Request, error: JobNotEnded) -> JSONResponse:
-        if JobState(error.state).ended:
-            detail = f"the results of job {error.job_id} are being written: try again in a moment"
-        else:
-            detail = (
-                f"job {error.job_id} is {error.state}; only a job that has ended can be deleted or "
-                "rendered again: cancel it first"
-            )
-        problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)
-        return problem.response(request.url.path)
+        is_ended = JobState(error.state).ended
+        kind = problems.RESULTS_BEING_WRITTEN if is_ended else problems.JOB_NOT_ENDED
+        return Problem(kind, job=error.job_id, state=error.state).response(request.url.path)
 
     @app.exception_handler(Incompatible)  # another API may answer
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
-        return unavailable(request.method, request.url.path, error).response(request.url.path)
-
-    @app.exception_handler(TooManyJobs)
-    def answer_too_many_jobs(request: Request, error: TooManyJobs) -> JSONResponse:
-        detail = f"{error}; wait for one to end, or cancel one"
-        problem = Problem(
-            problems.TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most
-        )
-        return problem.response(request.url.path)
-
-    @app.exception_handler(CannotFollow)
-    def answer_cannot_follow(request: Request, error: CannotFollow) -> JSONResponse:
-        problem = invalid_field(problems.INVALID_SPEC, "spec.after", str(error))
-        return problem.response(request.url.path)
-
-    @app.exception_handler(TooManyNeeds)
-    def answer_too_many_needs(request: Request, error: TooManyNeeds) -> JSONResponse:
-        detail = f"{error}; wait for some to end, or ask for a combination that others have"
-        return Problem(problems.TOO_MANY_NEEDS, detail).response(request.url.path)
+        path, kind = request.url.path, problems.STORE_UNAVAILABLE
+        return unavailable(request.method, path, kind, error).response(path)
 
     @app.exception_handler(ClientDisconnect)
     def answer_nobody(_: Request, __: ClientDisconnect) -> Response:
@@ -148,8 +116,7 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
 
     @app.exception_handler(Exception)
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
-        detail = "Plateau met an error that it did not expect; the API's log has the details"
-        return Problem(problems.INTERNAL_ERROR, detail).response(request.url.path)
+        return Problem(problems.INTERNAL_ERROR).response(request.url.path)
 
 
 def _wants_a_page(request: Request) -> bool:
@@ -162,21 +129,14 @@ def _wants_a_page(request: Request) -> bool:
 def _from_http(request: Request, error: HTTPException) -> Problem:
     if isinstance(error, Problem):
         return error
-    kind = _BY_STATUS.get(error.status_code)
-    if kind is None:
-        kind = ProblemType("http-error", error.status_code, "The request failed")
     path, headers = request.url.path, error.headers
+    kind = problems.of_status(error.status_code)
+    if kind is problems.UNKNOWN_PATH and path.endswith("/"):
+        kind = problems.SLASH_AT_END
     if kind is problems.METHOD_NOT_ALLOWED:
         headers = {**(headers or {}), **_allow(request)}
-    details = {
-        problems.UNKNOWN_PATH: f"nothing is served at {path}; /docs lists what is"
-        + (", without a slash at its end" if path.endswith("/") else ""),
-        problems.METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it "
-        "takes",
-    }
-    unknown = f"the request to {path} cannot be answered as it is; /docs says what to send"
-    words = details.get(kind) or in_our_words(str(error.detail)) or unknown
-    return Problem(kind, words, headers=headers)
+    said = in_our_words(str(error.detail)) if kind.slug == problems.MALFORMED_REQUEST.slug else None
+    return said or Problem(kind, headers, path=path, method=request.method)
 
 
 def _allow(request: Request) -> dict[str, str]:

@@ -8,11 +8,12 @@ from pydantic import ValidationError
 from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
-from plateau.farm.model.spec.shot import LEAST_SIDE
-from plateau.farm.process.addresses import ReceiverRefused, Receivers
-from plateau.farm.process.notify_targets import Targets, UnknownTarget
-from plateau.service.api.problems import problem as problems
+from plateau.farm.model.spec.parts import LEAST_SIDE
+from plateau.farm.model.spec.shared import FilmTooSmall
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
+from plateau.service.notices.receivers import ReceiverRefused, Receivers
+from plateau.service.notices.targets import Targets, UnknownTarget
 
 AnySpec = TypeVar("AnySpec", bound=SharedSpec)
 
@@ -45,26 +46,21 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
         FieldError(field=".".join(filter(None, (*within, field))), message=message)
         for field, message in list(input_errors.by_field(located).items())[:_MOST_ERRORS]
     ]
-    return Problem(
-        kind,
-        "; ".join(f"{one.field}: {one.message}" for one in errors),
-        errors=[one.model_dump() for one in errors],
-    )
+    said = "; ".join(f"{one.field}: {one.message}" for one in errors)
+    return Problem(kind, said=said, errors=[one.model_dump() for one in errors])
 
 
-def invalid_field(kind: ProblemType, field: str, message: str) -> Problem:
-    """The problem with one field of a request."""
-    return Problem(kind, f"{field}: {message}", errors=[{"field": field, "message": message}])
-
-
-def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> None:
-    """Refuse a job that would run out of distinct sampler seeds on every worker."""
+def check_size(spec: JobSpec, width: int | None, height: int | None, field: str = "spec") -> None:
+    """Refuse a job that no worker has enough seeds for, or whose rule cannot judge the image."""
     try:
+        if width and height:
+            spec.require_size(width, height)
         # Of the variants that `auto` may become, the JIT ones have the most seeds.
         variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
-        spec.seed_schedule(variant, width, height)
-    except SeedsExhausted as error:
-        raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
+        # Where the size is not known, the seeds do not depend on it.
+        spec.seed_schedule(variant, width or 1, height or 1)
+    except (FilmTooSmall, SeedsExhausted) as error:
+        raise Problem(problems.UNFIT_FILM, field=field, error=error) from error
 
 
 def check_film_sizes(sizes: Sequence[tuple[int | None, int | None]], fields: Sequence[str]) -> None:
@@ -72,37 +68,34 @@ def check_film_sizes(sizes: Sequence[tuple[int | None, int | None]], fields: Seq
     for size, field in zip(sizes, fields, strict=False):
         width, height = size
         if width is None or height is None:
-            message = "the frames of a shot have one size, which the renderer alone knows of this "
-            message += "scene: set the parameters width and height"
-            raise invalid_field(problems.INVALID_SPEC, field, message)
+            raise Problem(problems.SIZE_UNKNOWN, field=field)
+        film = {"field": field, "width": width, "height": height}
         if min(width, height) < LEAST_SIDE:
-            message = f"makes a film of {width}×{height}: the frames of a shot have at least "
-            message += f"{LEAST_SIDE}×{LEAST_SIDE} pixels"
-            raise invalid_field(problems.INVALID_SPEC, field, message)
+            raise Problem(problems.SMALL_FRAME, least=LEAST_SIDE, **film)
         if size != sizes[0]:
-            first_width, first_height = sizes[0]
-            message = f"makes a film of {width}×{height}, and {fields[0]} one of "
-            message += f"{first_width}×{first_height}: the frames of a shot have one size"
-            raise invalid_field(problems.INVALID_SPEC, field, message)
+            raise Problem(
+                problems.SIZES_DIFFER,
+                first=fields[0],
+                first_width=sizes[0][0],
+                first_height=sizes[0][1],
+                **film,
+            )
 
 
 def with_notice(spec: AnySpec, receivers: Receivers, targets: Targets) -> AnySpec:
     """The spec with the targets that hear of every job; refuses a notice that cannot be sent."""
     notice = spec.notice
     if notice.is_hidden:
-        message = "is what others are shown of it: name the whole URL"
-        raise invalid_field(problems.INVALID_SPEC, "spec.notice.url", message)
+        raise Problem(problems.HIDDEN_URL)
     if notice.url is not None:
         try:
             receivers.check(notice.url)
         except ReceiverRefused as refused:
-            raise invalid_field(problems.INVALID_SPEC, "spec.notice.url", str(refused)) from refused
+            raise Problem(problems.REFUSED_URL, error=refused) from refused
         if notice.secret is None:
-            message = "must sign what is sent to the URL: `echo whsec_$(openssl rand -base64 32)` "
-            message += "makes one"
-            raise invalid_field(problems.INVALID_SPEC, "spec.notice.secret", message)
+            raise Problem(problems.NO_SECRET)
     try:
         names = targets.with_always(notice.targets)
     except UnknownTarget as unknown:
-        raise invalid_field(problems.INVALID_SPEC, "spec.notice.targets", str(unknown)) from unknown
+        raise Problem(problems.UNKNOWN_NOTICE_TARGET, error=unknown) from unknown
     return spec.model_copy(update={"notice": notice.model_copy(update={"targets": names})})

@@ -5,16 +5,16 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.report import CAPTIONS, curve_file, report_html
 from plateau.farm.wire.views import job_view
+from plateau.picture import previews
 from plateau.service.api.parts import Parts
 from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.results.zip_stream import ZipEntry
-from plateau.service.judging import previews
 
 _EXR: Final = "image.exr"
 

@@ -16,8 +16,8 @@ from plateau.farm.wire.batch_views import (
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.parameters import BatchName, Cursor, cursor_of, number_of
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 
 router = APIRouter(prefix="/v1/batches", tags=["batches"])
 

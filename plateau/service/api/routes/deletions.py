@@ -9,8 +9,8 @@ from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.parameters import BatchName
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.routes.jobs import JobId, shown
 
 router = APIRouter(prefix="/v1")

@@ -11,8 +11,9 @@ from plateau.farm.model.job import Job
 from plateau.farm.wire import examples
 from plateau.service.api.http.parameters import BatchName
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import ProblemType
 from plateau.service.api.results.job_files import JobFiles
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from plateau.service.api.routes.jobs import JobId
@@ -28,7 +29,7 @@ class _ZipResponse(StreamingResponse):
     media_type = _ZIP
 
 
-def _described(*kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
+def _described(*kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {
         200: {

@@ -10,8 +10,10 @@ from pydantic.json_schema import SkipJsonSchema
 
 from plateau.farm.bundle.formats import formats
 from plateau.farm.ledger.api_keys import KeyLimits, Role
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.place_names import PlaceName
 from plateau.farm.model.spec import JobSpec, RenderVariant
+from plateau.farm.redis.link import ping
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import (
@@ -25,8 +27,9 @@ from plateau.farm.wire.views import (
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import TYPES, Problem, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import TYPES, documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(tags=["farm"])
 
@@ -43,7 +46,7 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 
 def _all_workers(farm: Parts) -> Workers:
-    return Workers(workers=farm.jobs.workers())
+    return Workers(workers=farm.workers.living())
 
 
 @router.get("/v1/workers", responses=documented())
@@ -80,7 +83,7 @@ def get_demand(
     that follows `slices` grows to its limits. The number falls as the end comes near, and is 0 for
     an idle farm.
     """
-    wanted = farm.jobs.census().demand_for(variant, pool=pool, tags=tag)
+    wanted = take_census(farm.redis).demand_for(variant, pool=pool, tags=tag)
     return DemandView(slices=wanted.slices, waiting=wanted.waiting, leased=wanted.leased)
 
 
@@ -143,7 +146,7 @@ def get_health() -> Health:
 @router.get("/readyz", responses=documented())
 def get_readiness(farm: Farm) -> Health:
     """Say that the API can work: Redis and the blob store answer."""
-    farm.jobs.ping()
+    ping(farm.redis)
     farm.blobs.exists("scenes/none")
     return Health()
 
@@ -170,7 +173,7 @@ def get_problem_type(
     """Say what a problem's `type` means."""
     kind = TYPES.get(slug)
     if kind is None:
-        raise Problem(problems.UNKNOWN_PATH, f"there is no problem type {slug!r}")
+        raise Problem(problems.NO_SUCH_PROBLEM, slug=slug)
     return ProblemTypeView(type=kind.uri, status=kind.status, title=kind.title)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.service.api.http.etags import IfNoneMatch, Known, strong
 from plateau.service.api.http.served_blobs import (
@@ -18,8 +18,8 @@ from plateau.service.api.http.served_blobs import (
 )
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.points.stored_files import SpoiledBlob
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.routes.jobs import JobId
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
@@ -116,11 +116,7 @@ def get_slice_exr(
         headers = headers_of(job, strong(sha256), f"{job.id}-{index:06d}.exr")
         return blob_response(blob, sha256, EXR, headers, farm, has, request)
     except (KeyError, FileNotFoundError) as error:
-        raise Problem(
-            problems.UNKNOWN_SLICE,
-            f"slice {index} of job {job.id} is not stored; slices stay where the job's spec says "
-            "keep_slices",
-        ) from error
+        raise Problem(problems.UNKNOWN_SLICE, job=job.id, index=index) from error
 
 
 def _image(
@@ -146,44 +142,27 @@ def _image(
             continue
     if sha256 is not None:
         raise SpoiledBlob(blob)
-    raise _no_image(job, name)
+    raise Problem(
+        _why_no_image(job, name),
+        job=job.id,
+        clause=job.state.clause,
+        state=job.state.value,
+        reason=job.reason,
+        image_spp=job.image_spp,
+        first_spp=min(job.spec.step, job.spec.max_spp),
+    )
 
 
-def _no_image(job: Job, name: str) -> Problem:
+def _why_no_image(job: Job, name: str) -> ProblemType:
     lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
-        detail = _no_difference(job)
-    elif name == "quality.png" and not job.spec.by_quality:
-        detail = (
-            f"no rule of job {job.id} goes by ColorVideoVDP; judged again with --watch jod, its "
-            "curve has the quality in JOD"
-        )
-    elif name in {"noise.png", "quality.png"} and job.image_spp:
-        detail = (
-            f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, whose "
-            "noise nobody knows yet: that takes two slices, and an image without broken pixels"
-        )
-    elif name == "spp.png" and not job.spec.by_zones:
-        detail = f"job {job.id} is allocated by frame: all its pixels have the same samples"
-    elif name == "non-finite.png" and job.image_spp:
-        detail = (
-            f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, of which "
-            "no pixel is NaN or infinite"
-        )
-    elif job.state.ended:
-        detail = f"job {job.id} {job.state.clause} and left no image: {job.reason}"
-    else:
-        detail = (
-            f"job {job.id} is {job.state.value}; its first image comes a moment after its first "
-            f"samples, and GET /v1/jobs/{job.id}/events announces it"
-        )
-    return Problem(problems.NO_IMAGE_YET, detail, state=job.state.value)
-
-
-def _no_difference(job: Job) -> str:
-    there = f"job {job.id} {job.state.clause} and has an image of {job.image_spp} spp, but no"
-    first = f"the first point of its curve, at {min(job.spec.step, job.spec.max_spp)} spp"
-    if job.state.ended:
-        return f"{there} difference map: it ended before {first}: {job.reason}"
-    events = f"GET /v1/jobs/{job.id}/events announces it"
-    return f"{there} difference map yet: that comes with {first}, and {events}"
+        return problems.NO_DIFFERENCE if job.state.ended else problems.NO_DIFFERENCE_YET
+    if name == "quality.png" and not job.spec.by_quality:
+        return problems.NO_QUALITY
+    if name in {"noise.png", "quality.png"} and job.image_spp:
+        return problems.NOISE_UNKNOWN
+    if name == "spp.png" and not job.spec.by_zones:
+        return problems.NO_ZONES
+    if name == "non-finite.png" and job.image_spp:
+        return problems.ALL_FINITE
+    return problems.NO_IMAGE_LEFT if job.state.ended else problems.NO_IMAGE_YET

@@ -1,15 +1,13 @@
-"""Routes that create, show, list and steer jobs."""
+"""Routes that show, list and steer jobs."""
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi import APIRouter, Path, Query
 
 from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
-from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_view
 from plateau.farm.wire.views import (
     JobChange,
     JobPage,
@@ -23,23 +21,16 @@ from plateau.farm.wire.views import (
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.parameters import Cursor, cursor_of, number_of
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem, documented
-from plateau.service.api.submission import idempotency
-from plateau.service.api.submission.uploads import (
-    StoredScene,
-    Submission,
-    create_job,
-    stored_scene,
-    submission,
-)
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     """The jobs as the caller sees them, with their places in the queue and what they wait for."""
-    crew = Crew([] if all(job.state.ended for job in jobs) else farm.jobs.workers())
+    crew = Crew([] if all(job.state.ended for job in jobs) else farm.workers.living())
     in_line = {job.id for job in jobs if _is_in_line(job)}
     places = farm.jobs.places() if in_line else {}
 
@@ -64,131 +55,6 @@ Whether = Literal["false", "true", "any"]
 _WHETHER: Final[dict[Whether, bool | None]] = {"false": False, "true": True, "any": None}
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
-
-#: The body of a request that brings or names a scene.
-SUBMISSION_BODY: Final[dict[str, Any]] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "properties": {
-                        "scene": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "a Mitsuba 3 XML, or a zip of one with its meshes and "
-                            "textures",
-                        },
-                        "scene_path": {
-                            "type": "string",
-                            "maxLength": 4096,
-                            "description": "instead of `scene`: one in a scene root of the "
-                            "service, `{ROOT}/PATH`",
-                        },
-                        "scene_sha256": {
-                            "type": "string",
-                            "pattern": "^([0-9a-f]{64})?$",
-                            "description": "instead of `scene`: one that is already stored; "
-                            "empty, as a web form sends it, it counts as left out",
-                        },
-                        "spec": {
-                            "oneOf": [
-                                {"$ref": "#/components/schemas/JobSpec"},
-                                {"$ref": "#/components/schemas/BatchSpec"},
-                            ],
-                            "description": "of one job, or of many where `parameters` is a list",
-                        },
-                    },
-                    # One of the three is needed. With anyOf alone, generators of clients see no
-                    # parts.
-                    "if": {"not": {"required": ["scene"]}},
-                    "then": {
-                        "anyOf": [{"required": ["scene_sha256"]}, {"required": ["scene_path"]}]
-                    },
-                    "additionalProperties": False,
-                },
-                "examples": {
-                    "an upload": {"value": {"scene": examples.SCENE_XML, "spec": examples.SPEC}},
-                    "a stored scene": {
-                        "value": {"scene_sha256": examples.SCENE_SHA256, "spec": {}}
-                    },
-                    "a batch": {
-                        "value": {"scene": examples.SCENE_XML, "spec": examples.BATCH_SPEC}
-                    },
-                },
-                "encoding": {"spec": {"contentType": "application/json"}},
-            }
-        },
-    }
-}
-_SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempotency.PARAMETERS}
-
-
-@router.post(
-    "",
-    status_code=201,
-    response_model=None,  # would be described as anyOf, and not as oneOf
-    openapi_extra=_SUBMISSION,
-    responses={
-        201: {
-            "content": {
-                "application/json": {
-                    "schema": {
-                        "oneOf": [
-                            {"$ref": "#/components/schemas/JobView"},
-                            {"$ref": "#/components/schemas/BatchView"},
-                        ]
-                    },
-                    "examples": {"a job": {"value": examples.JOB}, "a batch": {"value": BATCH}},
-                }
-            },
-            "headers": {
-                "Location": {
-                    "schema": {"type": "string"},
-                    "description": "path of the job, or of the batch",
-                },
-                **idempotency.REPLAYED,
-            },
-        },
-        **documented(
-            problems.MALFORMED_REQUEST,
-            problems.UPLOAD_TOO_LARGE,
-            problems.NOT_MULTIPART,
-            problems.INVALID_REQUEST,
-            problems.INVALID_SPEC,
-            problems.NO_SCENE,
-            problems.UNKNOWN_SCENE,
-            problems.BROKEN_SCENE,
-            problems.BUSY,
-            problems.TOO_MANY_SCENES,
-            problems.KEY_REUSED,
-            problems.TOO_MANY_JOBS,
-        ),
-    },
-)
-def submit_job(
-    response: Response,
-    asked: Annotated[Submission, Depends(submission)],
-    scene: Annotated[StoredScene, Depends(stored_scene)],
-    farm: Farm,
-    who: CallerOf,
-) -> JobView | BatchView:
-    """Submit a scene: it is checked, stored once, and queued as one new job or several.
-
-    `spec` and any of its fields may be omitted. If `parameters` is a list, each entry makes a job,
-    all of them or none, and the answer is their batch; without a `batch` in the spec, the service
-    names it. The header `Idempotency-Replayed: true` says that an earlier request with the same key
-    made the job.
-    """
-    created = create_job(asked, scene, farm, owner=who.id)
-    idempotency.settle(created, asked.idempotency_key, response)
-    batch = created.job.spec.batch
-    if isinstance(asked.spec, JobSpec) or batch is None:
-        response.headers["Location"] = f"/v1/jobs/{created.job.id}"
-        return shown([created.job], farm, who)[0]
-    response.headers["Location"] = batch_path(batch)
-    return batch_view(farm.batches.get(batch))
 
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
@@ -346,9 +212,7 @@ def get_slice_log(
     job = farm.job(job_id)
     plan = farm.jobs.plan(job)
     if index >= plan.stop:
-        until = "at its cap it has" if plan.is_complete else "so far it has"
-        raise Problem(
-            problems.UNKNOWN_SLICE, f"job {job.id} has no slice {index}: {until} {plan.stop}"
-        )
+        kind = problems.BEYOND_THE_CAP if plan.is_complete else problems.BEYOND_THE_PLAN
+        raise Problem(kind, job=job.id, index=index, slices=plan.stop)
     record, entries = farm.jobs.log_of(job.id, index)
     return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)

@@ -5,7 +5,7 @@ from fastapi import APIRouter
 from plateau.farm.wire.notice_views import NoticeMessage
 from plateau.farm.wire.views import TargetNames
 from plateau.service.api.parts import Farm
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems.catalogue import documented
 
 router = APIRouter(tags=["notices"])
 

@@ -7,10 +7,11 @@ from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
+from plateau.picture import previews
 from plateau.service.api.http.etags import FINAL, IfNoneMatch, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
@@ -24,14 +25,14 @@ from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points.images import MOST_PIXELS, MOST_WAITING, TooManyWait
 from plateau.service.api.points.stored_files import SpoiledBlob
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.routes.jobs import JobId
-from plateau.service.judging import previews
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
-    from plateau.farm.images.look import Look
+    from plateau.farm.images.view_transform import ViewTransform
     from plateau.service.api.points.images import Encode
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
@@ -47,7 +48,6 @@ _PROBLEMS: Final = (
     problems.INVALID_REQUEST,
 )
 #: ``Retry-After`` while too many requests wait, in seconds.
-_BUSY_S: Final = 5
 
 
 @router.get("", responses=documented(problems.UNKNOWN_JOB))
@@ -105,13 +105,9 @@ async def _merged(
             farm.jobs.plan(job).size,
         )
     except TooManyWait as error:
-        raise Problem(
-            problems.BUSY,
-            f"{MOST_WAITING} requests wait for images of points already; try again in {_BUSY_S} s",
-            headers={"Retry-After": str(_BUSY_S)},
-        ) from error
+        raise Problem(problems.BUSY_MERGING, most=MOST_WAITING) from error
     except SliceLost as error:
-        raise _cannot(job, spp, str(error)) from error
+        raise _cannot(problems.SLICE_LOST, job, spp, error=error) from error
     if content is None:
         return Response(status_code=problems.CLIENT_GONE)
     return Response(content, media_type=PNG, headers=headers)
@@ -123,25 +119,17 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
     slices = plan.slices_of(spp)
     if plan.spp(slices) != spp or not plan.is_point(slices) or spp > job.spp:
         is_even = not plan.by_zones and not plan.looks
-        apart = f"they are {job.spec.step} spp apart" if is_even else "its curve has them"
-        raise Problem(
-            problems.UNKNOWN_POINT,
-            f"job {job.id} has no point at {spp} spp: {apart}, up to {job.spp}; {_where(job)}",
-        )
+        kind = problems.UNKNOWN_POINT if is_even else problems.UNKNOWN_UNEVEN_POINT
+        raise Problem(kind, job=job.id, spp=spp, step=job.spec.step, most=job.spp)
     if not job.spec.keep_slices:
-        raise _cannot(job, spp, "did not keep its slices")
+        raise _cannot(problems.CANNOT_MERGE, job, spp)
     if not _can_be_merged(job):
-        raise _cannot(
-            job,
-            spp,
-            f"has films of more than {MOST_PIXELS:,} pixels of 4 channels, too large to merge "
-            "again",
-        )
+        raise _cannot(problems.TOO_LARGE_TO_MERGE, job, spp, most=MOST_PIXELS)
     ledger = farm.jobs.ledger(job.id)
     try:
         records = [ledger[index] for index in range(slices)]
     except KeyError as error:
-        raise _cannot(job, spp, f"has no slice {error}") from error
+        raise _cannot(problems.SLICE_MISSING, job, spp, index=error) from error
     return [KeptSlice(record["blob"], record["sha256"]) for record in records]
 
 
@@ -158,14 +146,14 @@ def _points(job: Job, plan: Plan) -> list[int]:
 
 def _png(job: Job, spp: int) -> "Encode":
     # Imported at the first use, as in `plateau.service.api.points.images`.
-    def encoded(image: "Pixels", look_of: "Callable[[], Look | None]") -> bytes:
+    def encoded(image: "Pixels", transform_of: "Callable[[], ViewTransform | None]") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
-        from plateau.service.judging.facts import identity, png_texts
+        from plateau.picture.facts import identity, png_texts
 
         exposure_ev = job.spec.view.exposure_ev
-        look = look_of()
-        seen = image if look is None else look.seen(image, exposure_ev)
+        transform = transform_of()
+        seen = image if transform is None else transform.seen(image, exposure_ev)
         picture = encode_srgb(seen, exposure_ev)
         return encode_png(picture, texts=png_texts(identity(job, spp)))
 
@@ -178,10 +166,5 @@ def _headers(job: Job, spp: int) -> dict[str, str]:
     return headers | {"Cache-Control": FINAL, SPP: str(spp)}
 
 
-def _cannot(job: Job, spp: int, why: str) -> Problem:
-    detail = f"job {job.id} keeps no picture of {spp} spp, and {why}; {_where(job)}"
-    return Problem(problems.CANNOT_MERGE, detail, state=job.state.value)
-
-
-def _where(job: Job) -> str:
-    return f"GET /v1/jobs/{job.id}/previews lists the pictures there are"
+def _cannot(kind: ProblemType, job: Job, spp: int, **fields: object) -> Problem:
+    return Problem(kind, job=job.id, spp=spp, state=job.state.value, **fields)

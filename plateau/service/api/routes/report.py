@@ -15,8 +15,8 @@ from plateau.service.api.http.etags import (
     strong,
 )
 from plateau.service.api.parts import Farm
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.results.job_files import pictures_of
 from plateau.service.api.routes.jobs import JobId
 

@@ -25,8 +25,8 @@ from plateau.service.api.http.etags import (
 )
 from plateau.service.api.http.parameters import chosen
 from plateau.service.api.parts import Farm, Parts, parts_of
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.routes.jobs import JobId
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])

@@ -5,10 +5,10 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 
 from plateau.farm.wire.views import SceneFound
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
-from plateau.service.api.routes.jobs import SUBMISSION_BODY
-from plateau.service.api.submission.uploads import StoredScene, stored_scene
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.routes.submit import SUBMISSION_BODY
+from plateau.service.api.submission.storing import StoredScene, stored_scene
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.shots import ShotRecord, by_frame
 from plateau.farm.wire.shot_views import ShotView, shot_view
 from plateau.service.api.http.etags import REVALIDATE, IfNoneMatch, not_modified, strong
@@ -16,8 +16,9 @@ from plateau.service.api.http.parameters import BatchName
 from plateau.service.api.http.served_blobs import PNG, blob_response
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.points.stored_files import SpoiledBlob
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(prefix="/v1/batches/{name}/shot", tags=["batches"])
 
@@ -48,7 +49,7 @@ def get_shot(name: BatchName, farm: Farm) -> ShotView:
     record = _shot(name, farm)
     shot = by_frame(record, farm.batches.shots.looks(record.id))
     if shot is None:
-        raise _no_shot(name)
+        raise Problem(problems.NO_SHOT, batch=name)
     return shot_view(name, shot)
 
 
@@ -62,8 +63,7 @@ def get_flicker_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMa
         record = _shot(name, farm)
         last = record.last
         if last is None or last.flicker_sha256 is None:
-            detail = f"the shot of {name!r} was not judged yet: that takes all of its frames"
-            raise Problem(problems.NO_IMAGE_YET, detail)
+            raise Problem(problems.SHOT_NOT_JUDGED, batch=name)
         sha256, blob = last.flicker_sha256, blobs.flicker_map(record.id, record.looks - 1)
         headers = {"ETag": strong(sha256), "Cache-Control": REVALIDATE}
         try:
@@ -92,7 +92,7 @@ def get_film_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch
         return not_modified(headers)
     pictures = _pictures(shown, farm)
     if not pictures:
-        raise Problem(problems.NO_IMAGE_YET, f"no frame of the shot of {name!r} has an image yet")
+        raise Problem(problems.NO_FRAME_YET, batch=name)
     if has.anything:
         return not_modified(headers)
     if HEADERS_ONLY in request.scope:
@@ -125,10 +125,5 @@ def _pictures(shown: list[str], farm: Parts) -> list[bytes]:
 def _shot(name: str, farm: Parts) -> ShotRecord:
     record = farm.batches.shot(name)
     if record is None or record.spec is None:
-        raise _no_shot(name)
+        raise Problem(problems.NO_SHOT, batch=name)
     return record
-
-
-def _no_shot(name: str) -> Problem:
-    detail = f"the batch {name!r} is no shot: submit its frames with `shot`"
-    return Problem(problems.NO_SHOT, detail)

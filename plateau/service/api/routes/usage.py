@@ -5,13 +5,14 @@ from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Header, Query, Response
 
+from plateau.farm.ledger.usage import usage
 from plateau.farm.model.usage import Grouping
 from plateau.farm.wire.usage_views import Usage, row_view, usage_csv
 from plateau.service.api.http.parameters import chosen
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import documented
-from plateau.service.api.problems.spec_checks import invalid_field
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
+from plateau.service.api.problems.problem import Problem
 
 router = APIRouter(prefix="/v1", tags=["farm"])
 
@@ -64,9 +65,8 @@ def _summed(
     farm: Parts, by: Grouping, since: datetime | None, until: datetime | None, limit: int
 ) -> Usage:
     if since is not None and until is not None and until <= since:
-        message = f"it has to be later than since, and {until} is not later than {since}"
-        raise invalid_field(problems.INVALID_REQUEST, "until", message)
-    rows, left_out, total = farm.jobs.usage(by, since=since, until=until, limit=limit)
+        raise Problem(problems.UNTIL_BEFORE_SINCE, until=until, since=since)
+    rows, left_out, total = usage(farm.redis, by, since=since, until=until, limit=limit)
     return Usage(
         by=by,
         since=since,
@@ -83,8 +83,7 @@ def _time(name: str, text: str | None) -> datetime | None:
     try:
         time = datetime.fromisoformat(text.replace("Z", "+00:00"))  # for Python 3.10
     except ValueError as error:
-        message = f"{text} is no time: {error}"
-        raise invalid_field(problems.INVALID_REQUEST, name, message) from None
+        raise Problem(problems.NO_TIME, name=name, text=text, error=error) from None
     return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 

@@ -1,6 +1,6 @@
 """Bundles of scenes where they lie: made in a process for each, while the client waits.
 
-Reading a scene's files for the first time can take minutes; so this takes no turn of the checks,
+Reading a scene's files for the first time can take minutes; so this takes no slot of the checks,
 and the bundle has to pass those afterwards as an upload does. A file that was read once is not read
 again until it changes, also where the client did not wait for the end.
 """
@@ -35,7 +35,7 @@ class Placing:
 
     roots: tuple[SceneRoot, ...] = ()
     hashes: Path = Path("/dev/null")  #: the table of `FileHashes`
-    _turns: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(_AT_A_TIME))
+    _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(_AT_A_TIME))
     _admitted: int = 0
 
     async def bundle(
@@ -76,7 +76,7 @@ class Placing:
             self._admitted -= 1
 
     async def _made(self, question: dict[str, Any]) -> BinaryIO:
-        async with self._turns:
+        async with self._slots:
             file = cast("BinaryIO", tempfile.TemporaryFile())  # noqa: SIM115  (the caller closes it)
             try:
                 await self._fill(file, question)

@@ -21,11 +21,11 @@ from plateau.farm.bundle import BundleError, BundleLimits, SceneSummary
 from plateau.service.api.scene_checks.process import Asked, CheckBudget, CheckProcess
 
 _AT_A_TIME: Final = 2
-#: Checks that may wait for their turn.
+#: Checks that may wait for their slot.
 MOST_WAITING: Final = 16
-#: The longest wait for a turn, in seconds.
+#: The longest wait for a slot, in seconds.
 _PATIENCE_S: Final = 20.0
-#: Seconds between two looks at whether a client is still connected.
+#: Seconds between two checks whether a client is still connected.
 _ASKED_EVERY_S: Final = 0.25
 _BUDGET: Final = CheckBudget()
 
@@ -35,7 +35,7 @@ IsGone = Callable[[], Awaitable[bool]]
 
 
 class TooManyChecks(Exception):
-    """`MOST_WAITING` checks wait already, or this one has waited too long for its turn."""
+    """`MOST_WAITING` checks wait already, or this one has waited too long for its slot."""
 
 
 class Gone(Exception):
@@ -73,7 +73,7 @@ class SceneChecks:
         self.limits = limits
         self._budget = budget
         self._threads = ThreadPoolExecutor(_AT_A_TIME, thread_name_prefix="scene-checks")
-        self._turns = asyncio.Semaphore(_AT_A_TIME)
+        self._slots = asyncio.Semaphore(_AT_A_TIME)
         self._admitted = 0
         self._all = tuple(CheckProcess(budget) for _ in range(_AT_A_TIME))
         self._idle = list(self._all)
@@ -91,38 +91,38 @@ class SceneChecks:
             process.end()
 
     @asynccontextmanager
-    async def turn(self, is_gone: IsGone) -> AsyncIterator["Turn"]:
-        """Wait for a turn, which lasts as long as the context; raises `TooManyChecks` or `Gone`."""
+    async def slot(self, is_gone: IsGone) -> AsyncIterator["Slot"]:
+        """Wait for a slot, which lasts as long as the context; raises `TooManyChecks` or `Gone`."""
         if self._admitted >= _AT_A_TIME + MOST_WAITING:
             raise TooManyChecks
         self._admitted += 1
         try:
-            turn = Turn(self, is_gone)
+            slot = Slot(self, is_gone)
             await self.begin(is_gone, patience_s=_PATIENCE_S)
             try:
-                yield turn
+                yield slot
             finally:
-                if not turn.is_over:
+                if not slot.is_over:
                     self.end()
         finally:
             self._admitted -= 1
 
     async def begin(self, is_gone: IsGone, *, patience_s: float) -> None:
-        """Wait for a turn."""
-        begun = asyncio.ensure_future(self._turns.acquire())
+        """Wait for a slot."""
+        begun = asyncio.ensure_future(self._slots.acquire())
         try:
             await attend(begun, is_gone, patience_s=patience_s)
         except BaseException:
-            if not begun.cancel():  # the turn has just come
+            if not begun.cancel():  # the slot has just come
                 self.end()
             raise
 
     def end(self) -> None:
-        """Give the turn to the next check."""
-        self._turns.release()
+        """Give the slot to the next check."""
+        self._slots.release()
 
     async def ask(self, file: BinaryIO, asked: Sequence[Asked], is_gone: IsGone) -> dict[str, Any]:
-        """Have a process check the file with as many sets of values as a turn allows."""
+        """Have a process check the file with as many sets of values as a slot allows."""
         process, given_up = self._idle.pop(), threading.Event()
         work = asyncio.get_running_loop().run_in_executor(
             self._threads, process.ask, file, asked, self.limits, given_up
@@ -140,7 +140,7 @@ class SceneChecks:
                 self._idle.append(process)
 
 
-class Turn:
+class Slot:
     """The right to run a check now."""
 
     def __init__(self, checks: SceneChecks, is_gone: IsGone) -> None:
@@ -151,7 +151,7 @@ class Turn:
     async def check(self, file: BinaryIO, asked: Sequence[Asked], *, total_s: float) -> Checked:
         """Check an upload with each of these sets of values, until one is refused.
 
-        Other checks have their turns in between. After `total_s` seconds of CPU time the result
+        Other checks have their slots in between. After `total_s` seconds of CPU time the result
         ends early, without an error. Raises as `CheckProcess.ask`, or `Gone`.
         """
         answer = await self._checks.ask(file, asked, self._is_gone)

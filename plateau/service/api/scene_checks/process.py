@@ -1,16 +1,14 @@
 """The API's side of a process that checks scenes: it starts, asks and ends the process."""
 
+import json
 import signal
-import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, BinaryIO
 
 from plateau.farm.bundle import BundleError, BundleLimits
-from plateau.farm.process.lifecycle import plain_environment
+from plateau.farm.process.child import Child, NoAnswer, write_part
 from plateau.service.api.scene_checks import child as check_child
 
 #: Values for a scene's `$parameters`, and the index of the sensor.
@@ -25,9 +23,9 @@ class CheckBudget:
     and 130 MB.
     """
 
-    cpu_s: float = 10.0  #: CPU time of one turn; the kernel counts whole seconds
-    turn_s: float = 1.0  #: CPU time after which a turn starts with no further set of values
-    deadline_s: float = 30.0  #: wall time of one turn, on a machine with other work
+    cpu_s: float = 10.0  #: CPU time of one slot; the kernel counts whole seconds
+    slot_s: float = 1.0  #: CPU time after which a slot starts with no further set of values
+    deadline_s: float = 30.0  #: wall time of one slot, on a machine with other work
     memory_bytes: int = 256 * 2**20  #: memory that the process writes to
 
 
@@ -55,18 +53,16 @@ class CheckProcess:
     def __init__(self, budget: CheckBudget) -> None:
         self._budget = budget
         self._starting = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._link: socket.socket | None = None
-        self._is_killed = False
+        self._child: Child | None = None
 
-    def start(self) -> socket.socket:
-        """Start the process unless it runs; returns the socket to it."""
+    def start(self) -> Child:
+        """Start the process unless it runs."""
         with self._starting:
-            if self._process is not None and (self._is_killed or self._process.poll() is not None):
-                self._bury()
-            if self._link is None:
-                self._link = self._launched()
-            return self._link
+            if self._child is not None and not self._child.is_alive:
+                self._child.end()
+                self._child = None
+            self._child = self._child or Child(check_child.__name__, self._budget.memory_bytes)
+            return self._child
 
     def ask(
         self,
@@ -75,7 +71,7 @@ class CheckProcess:
         limits: BundleLimits,
         given_up: threading.Event,
     ) -> dict[str, Any]:
-        """Have the process check the file with as many sets of values as a turn allows.
+        """Have the process check the file with as many sets of values as a slot allows.
 
         To give the check up, set the event and then kill the process.
 
@@ -86,63 +82,42 @@ class CheckProcess:
         CheckEnded
             Somebody killed the process.
         """
-        link = self.start()
+        child = self.start()
         if given_up.is_set():
             raise CheckEnded
-        link.settimeout(self._budget.deadline_s)
         question = {
             "asked": [(dict(values), sensor) for values, sensor in asked],
             "limits": asdict(limits),
             "cpu_s": self._budget.cpu_s,
-            "turn_s": self._budget.turn_s,
+            "slot_s": self._budget.slot_s,
         }
+        text = json.dumps(question).encode()
         try:
-            check_child.send(link, question, file.fileno())
-            answer = check_child.received(link)
-        except TimeoutError as error:
-            self.kill()
-            raise CheckTooDear(f"{self._budget.deadline_s:g} s") from error
-        except (EOFError, OSError) as error:
-            raise self._died() from error
+            told = child.ask(lambda to: write_part(to, text), self._budget.deadline_s, file)
+        except NoAnswer as error:
+            child.end()
+            raise self._ended(error.status) from error
+        answer: dict[str, Any] = json.loads(told)
         if answer["is_last"]:
-            self._bury()
+            child.end()
         if "out_of_memory" in answer:
             raise CheckTooDear(f"{self._budget.memory_bytes / 2**20:g} MiB of memory")
         return answer
 
     def kill(self) -> None:
         """Kill the process; the next `ask` starts another."""
-        self._is_killed = True
-        if self._process is not None:
-            self._process.kill()
+        if self._child is not None:
+            self._child.kill()
 
     def end(self) -> None:
         """Kill the process and clean up; only once no thread uses it."""
-        self.kill()
-        if self._process is not None:
-            self._bury()
+        if self._child is not None:
+            self._child.end()
 
-    def _launched(self) -> socket.socket:
-        self._is_killed = False
-        ours, its = socket.socketpair()
-        with its:
-            # The process ends when our end is closed, also by the end of this process.
-            self._process = subprocess.Popen(
-                [
-                    *(sys.executable, "-m", check_child.__name__),
-                    *(str(its.fileno()), str(self._budget.memory_bytes)),
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env=plain_environment(),
-                pass_fds=(its.fileno(),),
-                start_new_session=True,
-            )
-        return ours
-
-    def _died(self) -> Exception:
-        """The error for a process that ended during a check."""
-        status = self._bury()
+    def _ended(self, status: int | None) -> Exception:
+        """The error for a process that ended during a check; None: at its deadline."""
+        if status is None:
+            return CheckTooDear(f"{self._budget.deadline_s:g} s")
         if status == -signal.SIGXCPU:
             return CheckTooDear(f"{self._budget.cpu_s:g} s of CPU time")
         if status in (-signal.SIGKILL, -signal.SIGTERM):
@@ -151,12 +126,3 @@ class CheckProcess:
         return BundleError(
             "not-a-scene", f"the scene cannot be checked: it ends the check with {how}"
         )
-
-    def _bury(self) -> int:
-        """Clean up after a process that has ended or is about to; returns its exit status."""
-        assert self._process is not None
-        assert self._link is not None
-        self._link.close()
-        status = self._process.wait()
-        self._process = self._link = None
-        return status

@@ -7,9 +7,8 @@ from fastapi import Depends, Request, Response
 
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.wire import examples
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
-from plateau.service.api.problems.spec_checks import invalid_field
 
 _KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
 
@@ -46,8 +45,7 @@ def idempotency_key(request: Request) -> str:
     if given is None:
         return ""
     if not _KEY.fullmatch(given):
-        message = "must be 1 to 255 printable ASCII characters without spaces"
-        raise invalid_field(problems.INVALID_REQUEST, "Idempotency-Key", message)
+        raise Problem(problems.BAD_IDEMPOTENCY_KEY)
     return given
 
 
@@ -58,11 +56,6 @@ IdempotencyKey = Annotated[str, Depends(idempotency_key)]
 def settle(created: Created, key: str, response: Response) -> None:
     """Mark the answer to a repeated request; refuse a key that another request has used."""
     if created.conflict:
-        raise Problem(
-            problems.KEY_REUSED,
-            f"the Idempotency-Key {key!r} made job {created.job.id} from another scene or spec; "
-            "use a new key for a new request",
-            job_id=created.job.id,
-        )
+        raise Problem(problems.KEY_REUSED, key=key, job_id=created.job.id)
     if created.repeated:
         response.headers["Idempotency-Replayed"] = "true"

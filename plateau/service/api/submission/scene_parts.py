@@ -11,13 +11,12 @@ from typing import BinaryIO, Final, TypeAlias, cast
 from fastapi import Request
 from starlette.datastructures import UploadFile
 
-from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs import names as blob_names
 from plateau.farm.bundle import BundleError
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.service.api.parts import Parts
-from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
-from plateau.service.api.problems.spec_checks import invalid_field
 from plateau.service.api.scene_checks.placing import UnreadableFiles
 
 _MOST_PATH: Final = 4096
@@ -48,31 +47,19 @@ def scene_part(
 ) -> Scene:
     """The one of these parts that a request has."""
     if not upload and not path and not sha256:
-        raise Problem(
-            problems.NO_SCENE,
-            "send a scene or a zip of one as the part scene, the name of a scene in a scene "
-            "root as the part scene_path, or the SHA-256 of a stored scene as the part "
-            "scene_sha256",
-        )
+        raise Problem(problems.NO_SCENE)
     if sum(map(bool, (upload, path, sha256))) > 1:
-        message = "send one of scene, scene_path and scene_sha256"
-        field = "scene_sha256" if sha256 else "scene_path"
-        raise invalid_field(problems.INVALID_REQUEST, field, message)
+        raise Problem(problems.SEVERAL_SCENES, part="scene_sha256" if sha256 else "scene_path")
     if path:
         if not isinstance(path, str) or len(path) > _MOST_PATH or not path.isprintable():
-            message = (
-                f"must be text of up to {_MOST_PATH} printable characters, as {{assets}}/s.xml"
-            )
-            raise invalid_field(problems.INVALID_REQUEST, "scene_path", message)
+            raise Problem(problems.BAD_SCENE_PATH, most=_MOST_PATH)
         return ScenePath(path)
     if upload:
         if isinstance(upload, str):
-            message = "must be a file: curl takes it as -F scene=@FILE, with the @"
-            raise invalid_field(problems.INVALID_REQUEST, "scene", message)
+            raise Problem(problems.SCENE_NOT_A_FILE)
         return upload
     if not (isinstance(sha256, str) and _SHA256.fullmatch(sha256)):
-        message = "must be 64 lower-case hexadecimal digits"
-        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
+        raise Problem(problems.BAD_SHA256)
     return sha256
 
 
@@ -81,17 +68,15 @@ async def placed_file(
 ) -> BinaryIO:
     """The bundle of a scene in a scene root, with the files for these sets of parameters."""
     if not farm.placing.roots:
-        message = "this service has no scene roots (PLATEAU_SCENE_ROOTS); send the scene as a file"
-        raise invalid_field(problems.INVALID_REQUEST, "scene_path", message)
+        raise Problem(problems.NO_SCENE_ROOTS)
     limits, is_gone = farm.checks.limits, request.is_disconnected
     try:
         return await farm.placing.bundle(scene.text, values, limits, is_gone)
     except BundleError as error:
         raise broken_scene(error) from error
     except UnreadableFiles as error:
-        raise Problem(
-            problems.BROKEN_SCENE, f"the scene's files cannot be read: {error}", code="missing-file"
-        ) from error
+        code = "missing-file"
+        raise Problem(problems.UNREADABLE_SCENE_FILES, error=error, code=code) from error
 
 
 def opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
@@ -106,10 +91,7 @@ def opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
                 file.write(chunk)
         except FileNotFoundError as error:
             farm.scenes.disuse(scene)
-            raise Problem(
-                problems.UNKNOWN_SCENE,
-                f"no scene {scene} is stored here; send the file itself as the part scene",
-            ) from error
+            raise Problem(problems.UNKNOWN_SCENE, sha256=scene) from error
         file.flush()  # another process reads it
         on_error.pop_all()
     return file
@@ -117,9 +99,13 @@ def opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
 
 def broken_scene(error: BundleError, field: str = "") -> Problem:
     """The problem with a scene, for the values in this field of a list."""
-    kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
-    problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
-    if field:
-        problem.detail = f"with {field}: {error}"
-        problem.members["errors"] = [{"field": field, "message": str(error)}]
-    return problem
+    is_large = error.code == "too-large"
+    where = {"error": error, "code": error.code, "file": error.file, "line": error.line}
+    if not field:
+        return Problem(problems.SCENE_TOO_LARGE if is_large else problems.BROKEN_SCENE, **where)
+    return Problem(
+        problems.SCENE_TOO_LARGE_WITH if is_large else problems.BROKEN_WITH,
+        field=field,
+        errors=[{"field": field, "message": str(error)}],
+        **where,
+    )

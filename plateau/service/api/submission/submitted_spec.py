@@ -9,8 +9,9 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 from plateau.farm.model.input_errors import BRANCHES
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec
 from plateau.farm.wire.json_numbers import whole_numbers
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.spec_checks import invalid_field, invalid_spec
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems.spec_checks import invalid_spec
 
 #: Unicode's categories of control and format characters, surrogates and line ends: invisible, and
 #: not allowed in paths.
@@ -57,16 +58,13 @@ def _plain(text: str | bytes) -> str | bytes:
 def check_alone(spec: JobSpec | BatchSpec) -> None:
     """Refuse a shot of one job."""
     if isinstance(spec, JobSpec) and spec.shot is not None:
-        message = "is of a batch: give `parameters` as a list with an entry for each frame"
-        raise invalid_field(problems.INVALID_SPEC, "spec.shot", message)
+        raise Problem(problems.SHOT_OF_ONE)
 
 
 def check_names(spec: SharedSpec) -> None:
     """Refuse names that nobody can read, and a batch whose name cannot be in a path."""
     for field, name in (("name", spec.name or ""), ("batch", spec.batch or "")):
         if any(unicodedata.category(one) in _NOT_IN_NAMES for one in {*name} - _JOINERS):
-            message = "must be a name without invisible characters and line ends"
-            raise invalid_field(problems.INVALID_SPEC, f"spec.{field}", message)
+            raise Problem(problems.INVISIBLE_NAME, field=field)
     if spec.batch in {".", ".."}:
-        message = "must be another name than . and .."
-        raise invalid_field(problems.INVALID_SPEC, "spec.batch", message)
+        raise Problem(problems.DOTTED_BATCH)

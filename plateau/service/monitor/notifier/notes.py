@@ -13,8 +13,8 @@ from plateau.errors import needs
 from plateau.farm.ledger.outbox import Taken
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.process.notify_targets import Targets, UnknownTarget
 from plateau.farm.wire.figures import duration, percent
+from plateau.service.notices.targets import Targets, UnknownTarget
 
 _APPRISE: Final = logging.getLogger("apprise")
 _APPRISE.addHandler(logging.NullHandler())

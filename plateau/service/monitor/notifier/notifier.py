@@ -19,11 +19,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import BlobsUnavailable, StoreUnavailable
 from plateau.farm.process import log
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.backoff import Backoff
-from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.stop import Stop
+from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import TryEnd
@@ -33,11 +30,13 @@ from plateau.farm.wire.notice_views import message
 from plateau.service.monitor.notifier.notes import Notes, NotNotified
 from plateau.service.monitor.notifier.requests import (
     TOTAL_S,
-    Answer,
-    NoAnswer,
+    NoResponse,
     Requests,
+    Response,
     signed_headers,
 )
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import read_targets
 
 _LOG = logging.getLogger(__name__)
 
@@ -47,7 +46,7 @@ _MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the la
 _MOST_REMEMBERED: Final = 10_000  #: silent receivers
 
 _LEASE_S: Final = 2 * TOTAL_S
-_LOOK_S: Final = 1.0
+_POLL_S: Final = 1.0
 _RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait while Redis is away
 _GOODBYE_S: Final = 3.0  #: for which a stopping monitor waits for notices under way
 
@@ -101,8 +100,8 @@ class Notifier:
     delay_s
         The wait in seconds before the next try, by the number of tries so far and the receiver's
         ``Retry-After``.
-    look_s
-        Seconds between two looks at the outbox without a hint.
+    poll_s
+        Seconds between two reads of the outbox without a hint.
     """
 
     def __init__(
@@ -114,7 +113,7 @@ class Notifier:
         *,
         lease_s: float,
         delay_s: Callable[[int, float], float] = retry_delay_s,
-        look_s: float = _LOOK_S,
+        poll_s: float = _POLL_S,
     ) -> None:
         self._outbox = outbox
         self._wake = wake
@@ -122,7 +121,7 @@ class Notifier:
         self._notes = notes
         self._lease_s = lease_s
         self._delay_s = delay_s
-        self._look_s = look_s
+        self._poll_s = poll_s
         self._over = Stop()
         self._lock = threading.Lock()
         self._under_way: Counter[str] = Counter()  # by receiver
@@ -136,7 +135,7 @@ class Notifier:
             try:
                 while (taken := self._take()) is not None:
                     self._start(taken)
-                self._wake.wait(self._look_s, self._over)
+                self._wake.wait(self._poll_s, self._over)
                 backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("notices wait: %s", error)
@@ -207,7 +206,7 @@ class Notifier:
         settled = self._settle(taken, end, error, delay_s)
         _report(taken, end, error, time.monotonic() - started, delay_s, settled=settled)
 
-    def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
+    def _tried(self, taken: Taken) -> tuple[Response | None, str]:
         """Send the notice; returns the answer, if any, and the error unless it was delivered."""
         try:
             if taken.url is None:
@@ -216,7 +215,7 @@ class Notifier:
             body = message(taken.job).model_dump_json().encode()
             headers = signed_headers(f"msg_{taken.job_id}", taken.now, body, taken.secret)
             answer = self._requests.post(taken.url, headers, body)
-        except (NoAnswer, NotNotified, ExtraMissing) as error:
+        except (NoResponse, NotNotified, ExtraMissing) as error:
             return None, str(error)
         except Exception as error:  # noqa: BLE001  (one notice must not hurt the others)
             _LOG.exception("a notice could not be sent")
@@ -247,7 +246,7 @@ class Notifier:
                     raise
 
 
-def _end_of(taken: Taken, answer: Answer | None, error: str) -> TryEnd:
+def _end_of(taken: Taken, answer: Response | None, error: str) -> TryEnd:
     if not error:
         return "delivered"
     if taken.tries >= MOST_TRIES or (answer is not None and answer.status == _GONE):

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 import httpcore
 
 from plateau.farm.model.spec.notice import SECRET_PREFIX
-from plateau.farm.process.addresses import ReceiverRefused, Receivers
+from plateau.service.notices.receivers import ReceiverRefused, Receivers
 
 CONNECT_S: Final = 5.0
 TOTAL_S: Final = 15.0
@@ -29,11 +29,11 @@ _MOST_BYTES: Final = 16_384
 _DIGITS: Final = 6
 
 
-class NoAnswer(Exception):
+class NoResponse(Exception):
     """The receiver did not answer; the message says why."""
 
 
-class Answer:
+class Response:
     """The receiver's answer: its status and its ``Retry-After``."""
 
     def __init__(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
@@ -94,8 +94,8 @@ class Requests:
     def _tls(self) -> ssl.SSLContext:
         return self._make_tls()
 
-    def post(self, url: str, headers: dict[str, str], body: bytes) -> Answer:
-        """Send the request; raises `NoAnswer` if the receiver is not allowed, or silent."""
+    def post(self, url: str, headers: dict[str, str], body: bytes) -> Response:
+        """Send the request; raises `NoResponse` if the receiver is not allowed, or silent."""
         parts = urlsplit(url)
         plain = parts.scheme == "http"
         target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
@@ -116,15 +116,15 @@ class Requests:
                 ) as response,
             ):
                 _read_some(response)
-                return Answer(response.status, response.headers)
+                return Response(response.status, response.headers)
         except ReceiverRefused as refused:
-            raise NoAnswer(str(refused)) from refused
+            raise NoResponse(str(refused)) from refused
         except httpcore.ConnectTimeout as error:
-            raise NoAnswer(f"no connection within {self._connect_s:g} s") from error
+            raise NoResponse(f"no connection within {self._connect_s:g} s") from error
         except httpcore.TimeoutException as error:
-            raise NoAnswer(f"no answer within {self._total_s:g} s") from error
+            raise NoResponse(f"no answer within {self._total_s:g} s") from error
         except (httpcore.NetworkError, httpcore.ProtocolError, ssl.SSLError) as error:
-            raise NoAnswer(str(error) or type(error).__name__) from error
+            raise NoResponse(str(error) or type(error).__name__) from error
 
 
 def _read_some(response: httpcore.Response) -> None:

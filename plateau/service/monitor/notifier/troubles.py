@@ -11,15 +11,15 @@ from plateau.errors import ExtraMissing
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.troubles import ToldTroubles, Trouble, of_farm, of_store
 from plateau.farm.model.errors import FarmError, StoreUnavailable
-from plateau.farm.process.notify_targets import Targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import connect
 from plateau.service.monitor.notifier.notes import Note, NotNotified, send
+from plateau.service.notices.targets import Targets
 
 _LOG = logging.getLogger(__name__)
 
-_LOOK_S: Final = 15.0
+_POLL_S: Final = 15.0
 #: A monitor that was to tell of a trouble and did not has failed, or was lost, after this time.
 _LEASE_S: Final = 120.0
 
@@ -31,7 +31,7 @@ def telling_troubles(settings: Settings, store: Blobs, targets: Targets) -> Iter
     if targets.troubles:
         client = connect(settings.redis_url or "")
         patience_s, url = settings.trouble_after_s, settings.page_url
-        teller = Teller(client, store, targets, patience_s, url, look_s=_LOOK_S)
+        teller = Teller(client, store, targets, patience_s, url, poll_s=_POLL_S)
         threading.Thread(target=teller.run, args=(over,), name="troubles", daemon=True).start()
     try:
         yield
@@ -45,15 +45,15 @@ class Teller:
     Parameters
     ----------
     client, store
-        Redis and the blob store, which are looked at.
+        Redis and the blob store, which are checked.
     targets
         Who is told.
     patience_s
         For how long a trouble lasts before it is told.
     url
         Of the farm's page, if it is set.
-    look_s, lease_s
-        Between two looks, and after a try to tell.
+    poll_s, lease_s
+        Between two checks, and after a try to tell.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Teller:
         patience_s: float,
         url: str | None = None,
         *,
-        look_s: float = _LOOK_S,
+        poll_s: float = _POLL_S,
         lease_s: float = _LEASE_S,
     ) -> None:
         self._redis = client
@@ -72,16 +72,16 @@ class Teller:
         self._targets = targets
         self._patience_s = patience_s
         self._url = url
-        self._look_s = look_s
+        self._poll_s = poll_s
         self._told = ToldTroubles(client, patience_s, lease_s)
         self._away_since: float | None = None  # Redis, which then remembers nothing
         self._told_of_redis: set[str] = set()
 
     def run(self, over: threading.Event) -> None:
-        """Look and tell until `over` is set, through any error."""
-        while not over.wait(self._look_s):
+        """Check and tell until `over` is set, through any error."""
+        while not over.wait(self._poll_s):
             try:
-                self.look()
+                self.check()
             except StoreUnavailable as error:
                 self._without_redis(error)
             except FarmError as error:
@@ -89,8 +89,8 @@ class Teller:
             except Exception:  # noqa: BLE001  (the monitor's jobs must continue)
                 _LOG.exception("troubles are not told")
 
-    def look(self) -> None:
-        """Look once, and tell what is due."""
+    def check(self) -> None:
+        """Check once, and tell what is due."""
         troubles = of_farm(self._redis), of_store(self._store)
         due = self._told.to_tell(*troubles, self._targets.troubles)
         self._away_since = None

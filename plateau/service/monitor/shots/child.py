@@ -11,17 +11,16 @@ from typing import IO, Any
 import numpy as np
 
 from plateau.farm.model.spec import JobSpec, stored_spec
-from plateau.metric import BlendError, Half, View
+from plateau.farm.process.child import read_part, serve
+from plateau.metric import BlendError, View
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.noise_model import NoiseModel, noise_model
 from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
-from plateau.service.judging.checkpoints import unpacked_sums
-from plateau.service.judging.denoised import DenoisingTask
-from plateau.service.monitor.denoising.child import Denoiser
-from plateau.service.monitor.helper.child import serve
-from plateau.service.monitor.helper.parts import packed, read_part
+from plateau.picture.checkpoints import unpacked_sums
+from plateau.picture.denoised import DenoisingTask, packed
+from plateau.picture.denoising.child import Denoiser
 
 
 def main() -> None:
@@ -75,7 +74,7 @@ class _Frames(Sequence["NoiseModel | BlendError"]):
             return Denoiser().denoised(task).error
         halves = merge.halves()
         assert halves is not None  # a frame of one slice is not looked at
-        return noise_model(self._metric, merge.image(), (Half(*halves[0]), Half(*halves[1])))
+        return noise_model(self._metric, merge.image(), halves)
 
 
 if __name__ == "__main__":

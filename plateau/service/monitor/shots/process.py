@@ -13,11 +13,12 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.child import write_part
+from plateau.farm.process.helper import HelperProcess
 from plateau.metric.cvvdp import mirrored
-from plateau.service.judging.checkpoints import stored_sums
-from plateau.service.monitor.denoising.process import PIXEL_S
-from plateau.service.monitor.helper.parts import unpacked, write_part
-from plateau.service.monitor.helper.process import HelperProcess
+from plateau.picture.checkpoints import stored_sums
+from plateau.picture.denoised import unpacked
+from plateau.picture.denoising.process import PIXEL_S
 from plateau.service.monitor.shots import child
 
 #: Seconds that a look may take, and how many more for each pixel of each frame: some twenty times

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
 from plateau.farm.ledger.shots import ShotRecord, Shots
@@ -19,9 +19,9 @@ from plateau.farm.model.job import utc_now
 from plateau.farm.model.shot import FrameAnswer, ShotLook
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
-from plateau.farm.redis.commands.shots import Over
+from plateau.farm.process.child import NoAnswer
+from plateau.farm.redis.commands.batches import Over
 from plateau.metric import SAMPLES_PALETTE, heat_map
-from plateau.service.monitor.helper.process import NoAnswer
 from plateau.service.monitor.shots.process import FrameLost, Looked, Looking, LookTask
 
 _LOG = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ import { ago, whole } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
 import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
-import { AGAIN, ENDED, noiseTarget, timeLeft, took } from "../shared/job_summary.js";
+import { AGAIN, ENDED, noiseTarget, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -87,7 +87,7 @@ export function open(main, { id, signal, go }) {
     newest = job;
     screen.hidden = false;
     absent.hidden = true;
-    document.title = `${job.name}: ${job.outcome} · Plateau`;
+    document.title = `${job.title}: ${job.outcome} · Plateau`;
     setText(name, job.name);
     setText(state, job.outcome);
     setAttribute(state, "data-state", job.state);
@@ -98,7 +98,7 @@ export function open(main, { id, signal, go }) {
       job.spec.batch && `batch ${job.spec.batch}`,
       job.owner_name && `by ${job.owner_name}`,
       deletedSince(job),
-      ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : timeLeft(job) || `submitted ${ago(job.created_at)}`,
+      ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : job.time_left || `submitted ${ago(job.created_at)}`,
     ].filter(Boolean).join(" · "));
     if (again.hidden && job.again) {
       again.hidden = false;

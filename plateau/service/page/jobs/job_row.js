@@ -5,7 +5,7 @@ import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
 import { deletedSince } from "../shared/job_deletion.js";
 import { JobId } from "../shared/job_id.js";
-import { asked, ENDED, savings, timeLeft, took } from "../shared/job_summary.js";
+import { asked, ENDED, savings, took } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 import { Picture } from "../shared/picture.js";
 import { jobMenu } from "./menus.js";
@@ -117,7 +117,7 @@ export class JobRow {
     setText(this.#cap, saved ? `${share(saved.fraction)} saved` : `of ${whole(spec.max_spp)} at most`);
     setText(this.#left, job.estimate_fraction == null ? "" : percent(job.estimate_fraction));
     setText(this.#leftOf, job.estimate_fraction == null ? "" : "noise left");
-    setText(this.#time, ENDED.has(state) ? took(job) : timeLeft(job));
+    setText(this.#time, ENDED.has(state) ? took(job) : job.time_left);
     setText(this.#who, who(job));
     if (this.#seen) this.#fetch();
   }

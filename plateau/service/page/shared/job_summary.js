@@ -1,6 +1,6 @@
 // Values derived from a job's JSON: its rules, duration and savings.
 
-import { duration, roughly, whole } from "./figures.js";
+import { duration } from "./figures.js";
 import { ruleNamed, valueIn } from "./rules.js";
 
 /** @import { Rule } from "./rules.js" */
@@ -120,37 +120,6 @@ export function durationSeconds(job) {
   return Math.max(0, ((job.ended_at ? Date.parse(job.ended_at) : Date.now()) - Date.parse(job.created_at)) / 1000);
 }
 
-/** Below so many seconds, what is expected comes any moment. */
-const SOON_S = 3;
-
-/**
- * A queued job's place in the queue, in words; "" if it has none.
- * @param {Api.JobView} job
- */
-function place({ queue_place: at }) {
-  return at == null ? "" : `place ${whole(at)} in the queue`;
-}
-
-/**
- * A queued job's place, or the time that one still needs, in words; "" if it is unknown.
- * @param {Api.JobView} job
- */
-export function timeLeft(job) {
-  if (job.state === "queued") return place(job);
-  if (job.state !== "rendering") return "";
-  const { expected_spp: expected, expected_s: wait, committed_spp: committed } = job;
-  if (expected != null && wait != null && expected <= job.spec.max_spp) {
-    // The forecast is the last point's, and slices have been committed since.
-    const ahead = Math.max(0, expected - committed) / Math.max(1, expected - job.spp);
-    const seconds = ahead * wait;
-    return seconds < SOON_S ? "any moment" : `about ${roughly(seconds)} left`;
-  }
-  const rendered = committed - job.continued_spp;
-  const rendering = (Date.now() - Date.parse(job.started_at ?? "")) / 1000 - job.paused_s;
-  if (!(rendered > 0 && rendering > 0)) return "";
-  return `at most ${roughly((Math.max(0, job.spec.max_spp - committed) * rendering) / rendered)} left`;
-}
-
 /**
  * How long an ended job took, in words.
  * @param {Api.JobView} job
@@ -166,5 +135,5 @@ export function took(job) {
 export function savings(job) {
   if (!job.samples_saved) return null;
   const seconds = job.core_hours ? (job.machine_s * job.saved_core_hours) / job.core_hours : 0;
-  return { fraction: job.samples_saved / (job.spec.max_spp * imagePixels(job)), samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
+  return { fraction: job.saved_fraction, samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
 }

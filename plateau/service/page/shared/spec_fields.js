@@ -39,7 +39,7 @@ export const ZONES = [
     help: "Smaller zones follow the noise more closely; a multiple of 16." },
 ];
 
-/** The channels of image.exr beside colour, by their names in a spec. */
+/** The channels of image.exr besides colour, by their names in a spec. */
 export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
   shape_id: "Shape ids", primitive_id: "Primitive ids",

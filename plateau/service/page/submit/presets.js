@@ -1,13 +1,10 @@
-// How good an image is to be, in a word: rules with parameters, and what they mean for this scene.
+// How good an image is to be, in a word: rules with parameters.
 
-import { isAbort } from "../shared/api.js";
-import { h, setText } from "../shared/dom.js";
-import { roughly, whole } from "../shared/figures.js";
-import { messageOf, say } from "../shared/notices.js";
+import { h } from "../shared/dom.js";
+import { say } from "../shared/notices.js";
 import { ruleNamed } from "../shared/rules.js";
-import { PROBE_S, probe } from "./probe.js";
 
-/** @import { AskedRule, Expected } from "./probe.js" */
+/** @typedef {{ name: string } & Record<string, string | number>} AskedRule */
 
 /** From the least samples to the most. @type {{ title: string, help: string, rule: AskedRule }[]} */
 const PRESETS = [
@@ -19,77 +16,13 @@ const PRESETS = [
     rule: { name: "jod", target: 9.9 } },
 ];
 
-export class Presets {
-  #take;
-  #ask;
-  #signal;
-  /** @type {AbortController | null} */
-  #probing = null;
-  #offered = PRESETS.filter(({ rule }) => ruleNamed(rule.name)).map((preset) => ({
-    ...preset, takes: h("span", { class: "takes" }),
-  }));
-  #button = h("button", { type: "button", onclick: () => this.#toggle() });
-  #said = h("p", { class: "hint", role: "status" });
-  element;
-
-  /**
-   * @param {(rule: AskedRule) => void} take - called with the rule of a preset
-   * @param {() => { form: (spec: object) => FormData, spec: { max_spp: number } & object }} ask - what a probe renders
-   * @param {AbortSignal} signal
-   */
-  constructor(take, ask, signal) {
-    this.#take = take;
-    this.#ask = ask;
-    this.#signal = signal;
-    this.element = h("div", { class: "presets" },
-      h("div", { class: "offered", role: "group", "aria-label": "Presets" }, this.#offered.map(({ title, help, rule, takes }) =>
-        h("button", { type: "button", onclick: () => { this.#take(rule); say(`${title}: the rule below is set`); } },
-          h("b", {}, title), h("span", { class: "help" }, help), takes))),
-      h("p", { class: "send" }, this.#button, this.#said));
-    this.#label();
-  }
-
-  /** Forgets what a probe has told: of another scene, or of other parameters. */
-  forget() {
-    this.#probing?.abort();
-    for (const { takes } of this.#offered) setText(takes, "");
-    setText(this.#said, "");
-  }
-
-  #label() {
-    setText(this.#button, this.#probing ? "Stop the probe" : `Render ${PROBE_S} s of it, to see what these take`);
-  }
-
-  #toggle() {
-    if (this.#probing) this.#probing.abort();
-    else this.#probe();
-  }
-
-  async #probe() {
-    const probing = (this.#probing = new AbortController());
-    this.#label();
-    setText(this.#said, "A small job renders the scene, and is deleted afterwards …");
-    const { form, spec } = this.#ask();
-    const rules = this.#offered.map(({ rule }) => rule);
-    try {
-      const found = await probe(form, spec, rules, AbortSignal.any([probing.signal, this.#signal]));
-      this.#offered.forEach(({ takes }, at) => setText(takes, inWords(found[at], spec.max_spp)));
-      setText(this.#said, "At the pace of the probe, with the workers that rendered it; with more of them it takes less.");
-    } catch (error) {
-      setText(this.#said, isAbort(error) ? "" : messageOf(error));
-    }
-    this.#probing = null;
-    this.#label();
-  }
-}
-
 /**
- * @param {Expected} expected
- * @param {number} cap
+ * A button for each preset.
+ * @param {(rule: AskedRule) => void} take - called with the rule of a preset
  */
-function inWords(expected, cap) {
-  if (!expected) return `not to be told after ${PROBE_S} s`;
-  const { spp, seconds } = expected;
-  const much = `about ${whole(Number(spp.toPrecision(2)))} spp, ${roughly(seconds)}`;
-  return spp > cap ? `${much}: beyond the cap of ${whole(cap)}` : much;
+export function presets(take) {
+  return h("div", { class: "presets", role: "group", "aria-label": "Presets" },
+    PRESETS.filter(({ rule }) => ruleNamed(rule.name)).map(({ title, help, rule }) =>
+      h("button", { type: "button", onclick: () => { take(rule); say(`${title}: the rule below is set`); } },
+        h("b", {}, title), h("span", { class: "help" }, help))));
 }

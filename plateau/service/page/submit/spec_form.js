@@ -44,7 +44,7 @@ export class SpecForm {
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
         h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
         h("fieldset", {}, h("legend", {}, "Who hears of its end?"), h("div", { class: "fields" }, this.#notice.elements)),
-        h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
+        h("fieldset", { class: "watch" }, h("legend", {}, "Besides colour, image.exr has"),
           Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
         h("div", { class: "fields small" }, this.#exr.elements),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
@@ -91,11 +91,6 @@ export class SpecForm {
   /** The chosen camera. */
   get sensor() {
     return this.#more.values().sensor ?? 0;
-  }
-
-  /** The most spp. */
-  get cap() {
-    return Number(this.#limits.values().max_spp);
   }
 
   /** The spec, without parameters. */

@@ -11,7 +11,7 @@ import { maySubmit, metMe } from "../shared/permissions.js";
 import { meetRules } from "../shared/rules.js";
 import { offer } from "../shared/spec_fields.js";
 import { Frames } from "./frames.js";
-import { Presets } from "./presets.js";
+import { presets } from "./presets.js";
 import { SpecForm } from "./spec_form.js";
 
 /** @import { ScreenContext } from "../main.js" */
@@ -63,8 +63,6 @@ class Submission {
   #given = {};
   #hint = h("p", { class: "lead", hidden: true });
   #frames = new Frames();
-  /** @type {Presets} */
-  #presets;
   /** @type {SpecForm} */
   #spec;
 
@@ -91,10 +89,7 @@ class Submission {
   constructor(signal, go, scenes, again) {
     this.#signal = signal;
     this.#go = go;
-    this.#presets = new Presets((rule) => this.#spec.rule.take(rule), () => ({
-      form: (spec) => this.#form(spec), spec: { ...this.#spec.values(), max_spp: this.#spec.cap, parameters: this.#firstParameters() },
-    }), signal);
-    this.#spec = new SpecForm(this.#presets.element);
+    this.#spec = new SpecForm(presets((rule) => this.#spec.rule.take(rule)));
     const drop = h("label", {
       class: "drop", for: "scene-file",
       ondragover: (event) => { event.preventDefault(); drop.classList.add("over"); },
@@ -191,7 +186,6 @@ class Submission {
     setText(this.#said, `Checking ${name} …`);
     const parameters = { ...this.#given, ...valuesOf(this.#parameters) };
     const form = this.#form({ parameters, sensor: this.#spec.sensor });
-    this.#presets.forget();
     this.#progress.hidden = !form.has("scene");
     try {
       this.#showFound(await upload("/v1/scenes", form, {
@@ -276,12 +270,6 @@ class Submission {
   }
 
   // What is asked of it.
-
-  /** The parameters of the only job, or of the first frame. */
-  #firstParameters() {
-    const all = this.#frames.of(valuesOf(this.#parameters));
-    return Array.isArray(all) ? all[0] : all;
-  }
 
   async #submit() {
     if (!this.#sha256 || this.#button.disabled) return;

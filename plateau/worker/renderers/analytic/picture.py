@@ -101,7 +101,7 @@ class Picture:
     scene : AnalyticScene
         What is seen, and how noisy a sample is.
     aovs : sequence of str
-        What the film has beside colour, of `plateau.worker.renderers.analytic.aovs.GEOMETRY`. They
+        What the film has besides colour, of `plateau.worker.renderers.analytic.aovs.GEOMETRY`. They
         have no noise, but that the first sample of a pixel lies anywhere in it.
     """
 

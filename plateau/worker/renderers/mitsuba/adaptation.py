@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 
+from plateau.farm.model.renderers import WHOLE
 from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.contract import SceneError
 
@@ -44,10 +45,6 @@ _KINDS_OF_LIGHT = {
 
 #: The integrator that stores polarisation, in a film of its own making.
 _STOKES = "stokes"
-_STOKES_AS_A_WHOLE = (
-    "the integrator 'stokes' renders whole films alone, which the farm leaves to Mitsuba in scalar "
-    "variants: choose the variant scalar_spectral_polarized, or take the integrator inside it"
-)
 
 #: The film's pixel formats with alpha.
 _WITH_ALPHA = {"rgba", "luminance_alpha", "xyza"}
@@ -63,7 +60,7 @@ def adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
     notes = [note for kind, note in _KINDS_OF_LIGHT.items() if kind in variant]
     if any(node.props.plugin_name() == _STOKES for node in nodes):
         if not variant.startswith("scalar"):
-            raise SceneError(_STOKES_AS_A_WHOLE)
+            raise SceneError(WHOLE)
         if "polarized" in variant:
             notes[-1] = "polarisation is rendered, and stored as the AOVs S0 to S3"
     for node in nodes:
@@ -126,6 +123,7 @@ def _adapt_film(variant: str, properties: Any) -> Iterable[str]:
             yield f"the film's {name} was changed from '{theirs}' to '{ours}': {why}"
         properties[name] = ours
     if properties.has_property("compensate"):
+        properties.remove_property("compensate")
         yield "the film's compensate was ignored: Mitsuba no longer has this setting"
     if properties.has_property("sample_border"):
         if properties["sample_border"]:

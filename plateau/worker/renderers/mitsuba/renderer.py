@@ -13,6 +13,7 @@ import numpy as np
 
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
+from plateau.worker.renderers.mitsuba.darkness import why_black
 from plateau.worker.renderers.mitsuba.kernel import Kernel
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
 
@@ -99,6 +100,11 @@ class Renderer:
             if is_cancelled():
                 return
             yield _rendered(self._prepared, spp, seed)
+
+    def why_black(self) -> str:
+        """Return why the film of the loaded scene is black, as far as that is known."""
+        assert self._prepared is not None
+        return why_black(self._prepared.scene, self._prepared.sensor)
 
     def _unload(self) -> None:
         """Free the scene before, so that two never share the memory."""

@@ -5,13 +5,17 @@ Part of the render child: imports Mitsuba.
 
 from __future__ import annotations
 
+import fcntl
+import os
+import re
+import stat
 import sys
 import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import drjit as dr
 import mitsuba as mi
@@ -19,13 +23,19 @@ import mitsuba as mi
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.images.crops import crop_header
 from plateau.farm.model.seeds import SCALAR_BLOCK
-from plateau.worker.renderers.causes import first_words, without_folders
+from plateau.worker.renderers.causes import (
+    file_at,
+    first_words,
+    warnings_in,
+    without_details,
+    without_folders,
+)
 from plateau.worker.renderers.contract import SceneError, check_aovs
 from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
 from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from plateau.farm.model.aovs import AovName
     from plateau.worker.renderers.contract import Load
@@ -39,6 +49,13 @@ _DIFFERENTIABLE = (
 
 #: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
 _OUR_FRAMES = 2
+
+#: In what Mitsuba says where its C++ has no memory.
+_OUT_OF_MEMORY: Final = "std::bad_alloc"
+
+_OF_PLUGIN: Final = re.compile(r'plugin of type "(\w+)"')
+_MOST_LOG_BYTES: Final = 2**24
+_MOST_WARNINGS: Final = 5
 
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
@@ -101,12 +118,18 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     # what a seed's random numbers stand for.
     config.parallel = config.merge_meshes = False
     _build_hierarchies_alone()
-    with scene_errors(folder), _threads(request.threads):
+    with _log() as said, scene_errors(folder), _threads(request.threads):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)
         notes = adapt(variant, list(state.nodes))
-        scene = mi.parser.instantiate(config, state)
-    return _check(variant, scene, request, notes)
+        try:
+            scene = mi.parser.instantiate(config, state)
+        except RuntimeError as error:
+            raise RuntimeError(_with_file(str(error), list(state.nodes), said())) from error
+        warned = warnings_in(without_folders(said(), [folder]))[:_MOST_WARNINGS]
+    return _check(
+        variant, scene, request, (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
+    )
 
 
 def with_aovs(variant: str, one: PreparedScene, request: Load) -> PreparedScene:
@@ -133,6 +156,8 @@ def scene_errors(*folders: Path) -> Iterator[None]:
         raise
     except Exception as error:
         message = without_folders(str(error).strip(), folders) or type(error).__name__
+        if _OUT_OF_MEMORY in message:
+            raise MemoryError(message) from error
         first = first_words(message)
         if len(traceback.extract_tb(error.__traceback__)) > _OUR_FRAMES:
             traceback.print_exception(error)
@@ -140,6 +165,45 @@ def scene_errors(*folders: Path) -> Iterator[None]:
         elif first != message:
             print(message, file=sys.stderr, flush=True)
         raise SceneError(first) from error
+
+
+@contextmanager
+def _log() -> Iterator[Callable[[], str]]:
+    """Have Mitsuba print what it loads; yield what returns that.
+
+    Should the process die, its supervisor finds there at which file. Else warnings alone are left.
+    """
+    words = 1  # Mitsuba writes there, whatever Python's standard output is
+    begin, mode = os.fstat(words).st_size, fcntl.fcntl(words, fcntl.F_GETFL) & os.O_ACCMODE
+    if not stat.S_ISREG(os.fstat(words).st_mode) or mode != os.O_RDWR:  # it is no child's log
+        yield lambda: ""
+        return
+
+    def said() -> str:
+        return os.pread(words, _MOST_LOG_BYTES, begin).decode(errors="replace")
+
+    mi.set_log_level(mi.LogLevel.Debug)
+    try:
+        yield said
+    finally:
+        mi.set_log_level(mi.LogLevel.Warn)
+        left = without_details(said())
+        if os.fstat(words).st_size > begin:
+            os.ftruncate(words, begin)
+            os.lseek(words, 0, os.SEEK_END)
+        print(left, end="", flush=True)
+
+
+def _with_file(message: str, nodes: Sequence[Any], log: str) -> str:
+    """Return an error with the file that its plugin read, where Mitsuba names none."""
+    plugin, file = _OF_PLUGIN.search(message), file_at(log)
+    if plugin is None or file is None or file in message:
+        return message
+    is_its = any(
+        node.props.plugin_name() == plugin[1] and str(node.props.get("filename", "")).endswith(file)
+        for node in nodes
+    )
+    return f"{message} ({file})" if is_its else message
 
 
 @cache

@@ -11,7 +11,7 @@ from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.slices.zones import Grid, pixels_of
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.spec.allocation import LAG
+from plateau.farm.model.spec.parts import LAG
 
 WIDTH, HEIGHT = 100, 50
 SPEC = JobSpec.model_validate(

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from plateau.client import InvalidSpec
-from plateau.client.jobs import spec_of
-from plateau.farm.model.spec import PLACES, JobSpec
+from plateau.client.submission import spec_of
+from plateau.farm.model.spec import PLACES, BatchSpec, JobSpec
 from plateau.service.api.problems.problem import Problem
 from plateau.service.api.submission.submitted_spec import submitted_spec
 
@@ -54,6 +54,15 @@ def test_a_wrong_one_is_refused_by_its_field(text: dict[str, Any], words: str) -
     for refused in (str(here.value), str(there.value)):
         assert words in refused
         assert "pydantic" not in refused
+
+
+def test_a_batch_takes_texts_and_the_schema_of_requests_names_them() -> None:
+    spec = submitted_spec('{"parameters": [["a=1", "b=2"], {"a": 3}], "rule": "fixed:spp=4"}')
+    assert isinstance(spec, BatchSpec)
+    assert spec.parameters == ({"a": "1", "b": "2"}, {"a": 3})
+    fields = JobSpec.model_json_schema()["properties"]
+    for name in ("rule", "watch", "allocation", "denoise", "shot", "parameters", "aovs"):
+        assert any(one.get("type") == "string" for one in fields[name]["anyOf"]), name
 
 
 def test_what_was_given_is_told_where_it_was_given_and_no_secret() -> None:

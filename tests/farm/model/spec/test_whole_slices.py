@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.spec.allocation import LAG
+from plateau.farm.model.spec.parts import LAG
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.rules import MOST_SPP
 

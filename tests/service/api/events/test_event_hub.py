@@ -36,6 +36,17 @@ def with_hub(url: str, story: Callable[[EventHub], Awaitable[None]]) -> None:
     asyncio.run(told())
 
 
+async def caught_up(hub: EventHub, *jobs: str) -> None:
+    """Wait until the hub reads what happens to these jobs from now on."""
+
+    def is_read(job: str) -> bool:
+        feed = hub._feeds.get(job)
+        return feed is not None and feed._complete_since is not None
+
+    while not all(map(is_read, jobs)):
+        await asyncio.sleep(0.005)
+
+
 def reads_of(client: redis.Redis) -> int:
     calls = client.info("commandstats")
     return sum(calls.get(f"cmdstat_{name}", {"calls": 0})["calls"] for name in ("xrange", "xread"))
@@ -50,7 +61,7 @@ def test_each_watcher_has_each_event_once_and_in_order(redis_url: str, client: r
         for number in range(3, 60):
             ids.append(announce(client, number))
             watching.append(asyncio.create_task(all_of(hub, ids[number % 7])))
-            await asyncio.sleep(0.001)
+            await asyncio.sleep(0)
         ids.append(announce(client, 60, "finished"))
         # Then each has all that came after what it knew
         everything = [event_feed.position(one) for one in ids]
@@ -113,7 +124,7 @@ def test_many_jobs_are_watched_at_once(redis_url: str, client: redis.Redis) -> N
         jobs = [f"{number:012x}" for number in range(150)]
         known = [announce(client, 0, job=job) for job in jobs]
         watching = [asyncio.create_task(all_of(hub, *one)) for one in zip(known, jobs, strict=True)]
-        await asyncio.sleep(0.5)
+        await caught_up(hub, *jobs)
         for job in jobs:
             announce(client, 1, "finished", job)
         assert {len(told) for told in await asyncio.gather(*watching)} == {1}
@@ -128,7 +139,7 @@ def test_who_is_very_late_reads_for_itself(redis_url: str, client: redis.Redis) 
         other = asyncio.create_task(all_of(hub, first))
         slow = hub.events(JOB, "0-0", idle_s=30)
         assert [one.position for one in await anext(slow)] == [event_feed.position(first)]
-        await asyncio.sleep(0.2)
+        await caught_up(hub, JOB)
         # When more happens than is kept, before it takes the next
         ids = [announce(client, number) for number in range(3 * event_feed._KEPT)]
         ids.append(announce(client, 0, "finished"))
@@ -180,7 +191,7 @@ def test_a_reader_that_dies_ends_the_streams(redis_url: str, client: redis.Redis
     async def story(hub: EventHub) -> None:
         known = announce(client, 0)
         watching = asyncio.create_task(all_of(hub, known))
-        await asyncio.sleep(0.2)
+        await caught_up(hub, JOB)
         client.xadd(keys.job(JOB, "events"), {"type": "slice", "at": "1", "data": "no JSON"})
         (ended,) = await asyncio.gather(watching, return_exceptions=True)
         assert isinstance(ended, json.JSONDecodeError)

@@ -1,8 +1,7 @@
 """Ended jobs are rendered again: where samples are kept, as if the job had never been stopped."""
 
 import json
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -11,10 +10,11 @@ import pytest
 import redis
 from pydantic import ValidationError
 
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, lost_by
+from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.errors import JobNotEnded
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
@@ -33,11 +33,6 @@ from tests.support.until import until
 SLICE, STEP = 10, 20
 DAY_S = 86_400
 QUICK = {"step": STEP, "slice_spp": SLICE, "max_spp": 400, "rule": {"name": "fixed", "spp": 80}}
-
-
-@pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    return NoiseFarm(client, redis_url, tmp_path)
 
 
 def work(farm: NoiseFarm, job: Job) -> Job:
@@ -88,9 +83,13 @@ def rendered(farm: NoiseFarm, job: Job) -> list[int]:
     return [int(str(event.data["index"])) for event in events if event.type == "slice"]
 
 
-@pytest.mark.parametrize("keep_slices", [False, True], ids=["from its sums", "from its slices"])
 @pytest.mark.parametrize(
-    "rule", [{"name": "fixed", "spp": 200}, {"name": "visible", "target": 0.95, "min_spp": 160}]
+    ("keep_slices", "rule"),
+    [
+        (False, {"name": "visible", "target": 0.95, "min_spp": 160}),
+        (True, {"name": "fixed", "spp": 200}),
+    ],
+    ids=["from its sums", "from its slices"],
 )
 def test_a_stricter_rule_goes_on_as_if_it_had_ruled_from_the_start(
     farm: NoiseFarm, rule: dict[str, Any], keep_slices: bool
@@ -136,17 +135,21 @@ def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> Non
     assert (again.again.of, again.again.kept_spp) == (done.id, 100)
 
 
-def test_a_cancelled_job_can_be_taken_up_again(farm: NoiseFarm) -> None:
+@pytest.mark.parametrize("end", [JobState.CANCELLED, JobState.FAILED])
+def test_one_that_ended_too_soon_can_be_taken_up_again(farm: NoiseFarm, end: JobState) -> None:
     with farm.monitor():
         job = farm.submit(**QUICK)
-        for _ in range(5):  # in the middle of a step
-            until(lambda: (lease := farm.lease()) is not None and bool(farm.commit(lease)))
-        farm.jobs.cancel(job.id)
+        farm.render(5)  # to the middle of a step
+        if end is JobState.CANCELLED:
+            farm.jobs.cancel(job.id)
+        else:
+            farm.queue.fail(farm.next_lease(), "no such driver")
         until(lambda: farm.jobs.get(job.id).finished_at is not None)
-        cancelled = farm.jobs.get(job.id)
-        assert (cancelled.state, cancelled.spp) == (JobState.CANCELLED, 50)
-        done = work(farm, go_on(farm, cancelled))
+        ended = farm.jobs.get(job.id)
+        assert (ended.state, ended.again) == (end, None)
+        done = work(farm, go_on(farm, ended))
         undisturbed = work(farm, farm.submit(**QUICK))
+    assert done.again.kept_spp == 50
     assert (done.state, done.spp) == (JobState.CONVERGED, 80)
     assert pixels(farm, done) == pixels(farm, undisturbed)
     assert curve(farm, done) == curve(farm, undisturbed)
@@ -190,40 +193,6 @@ def test_sums_that_are_lost_meanwhile_cost_time_only(farm: NoiseFarm, harm: str)
     assert curve(farm, done) == curve(farm, undisturbed)[:5]
 
 
-def test_a_job_is_kept_as_long_as_one_goes_on_with_it(farm: NoiseFarm, client: redis.Redis) -> None:
-    with farm.monitor():
-        first = work(farm, farm.submit(**QUICK, keep_slices=True))
-        second = work(farm, go_on(farm, first, rule={"name": "fixed", "spp": 120}))
-    # Given that both are old enough to be forgotten, but the second not quite
-    old = client.time()[0] * 1000 - 8 * 86_400_000
-    client.hset(keys.job(first.id), "finished_at", old)
-    for dry_run in (True, False):
-        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
-        assert sweep(client, farm.store, **week).jobs == 0
-    assert all(farm.store.exists(one["blob"]) for one in farm.jobs.ledger(second.id).values())
-    # When the second is too, both go at once
-    client.hset(keys.job(second.id), "finished_at", old)
-    for dry_run in (True, False):
-        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
-        assert sweep(client, farm.store, **week).jobs == 2
-    assert farm.store.names(blobs.JOBS) == []
-
-
-def test_sums_go_after_their_time_and_the_results_stay(
-    farm: NoiseFarm, client: redis.Redis
-) -> None:
-    with farm.monitor():
-        job = work(farm, farm.submit(**QUICK))
-    let_it_have_ended(farm, job, days_ago=2)
-    for dry_run in (True, False):
-        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).blobs == 0
-        would = sweep(client, farm.store, sums_older_than_s=DAY_S, dry_run=dry_run)
-        assert (would.sums, would.orphans, would.blobs) == (1, 0, 1)
-    assert farm.store.names(blobs.checkpoints(job.id)) == []
-    assert farm.picture(job, "image.png")
-    assert loses(farm, farm.jobs.get(job.id)) == "gone"
-
-
 def test_sums_stay_for_a_job_that_still_stands_on_them(
     farm: NoiseFarm, client: redis.Redis
 ) -> None:
@@ -263,113 +232,83 @@ def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
     let_it_have_ended(farm, new, days_ago=4)
     for dry_run in (True, False):
         swept = sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run)
-        assert (swept.sums, swept.blobs) == (1, 1)
+        assert (swept.sums, swept.orphans, swept.blobs) == (1, 0, 1)
     assert farm.store.names(blobs.checkpoints(old.id)) == []
+    # Without them nothing can go on, and the results stay
+    assert farm.picture(old, "image.png")
+    assert loses(farm, farm.jobs.get(old.id)) == "gone"
 
 
-class TestCapsOfScalarJobs:
-    """On scalar variants the cap decides which passes and seeds the samples have."""
-
-    @pytest.fixture
-    def lost_to(self, farm: NoiseFarm) -> Callable[..., str | None]:
-        """Why a job of another cap cannot have the samples of one at 1024×1024, on scalar_rgb."""
-
-        def lost_to(spp: int, cap: int, *, to: int, seed: int = 0) -> str | None:
-            made = farm.submit(max_spp=cap, seed=seed)
-            film = {"variant": "scalar_rgb", "width": 1024, "height": 1024}
-            job = made.model_copy(update={**film, "state": JobState.EXHAUSTED})
-            drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
-            slices = spp // 25
-            seeds = tuple(drawn.seed_range(index) for index in range(slices))
-            remains = Remains(slices, "sums", seeds, Plan.of(job.spec))
-            return lost_by(job, remains, JobSpec(max_spp=to, seed=seed))
-
-        return lost_to
-
-    def test_one_that_takes_larger_passes_keeps_no_samples(
-        self, lost_to: Callable[..., str | None]
-    ) -> None:
-        assert lost_to(10_000, 10_000, to=20_000) == "max_spp"
-        assert lost_to(10_000, 10_000, to=14_625) is None
-        assert lost_to(10_000, 10_000, to=14_650) == "max_spp"
-
-    def test_nor_does_one_that_takes_smaller_passes(
-        self, lost_to: Callable[..., str | None]
-    ) -> None:
-        assert lost_to(2500, 20_000, to=10_000) == "max_spp"
-        assert lost_to(2500, 20_000, to=14_650) is None
-        assert lost_to(2500, 20_000, to=25_600) is None
-
-    def test_nor_one_beyond_all_seeds_though_llvm_would_have_enough(
-        self, lost_to: Callable[..., str | None]
-    ) -> None:
-        assert lost_to(10_000, 10_000, to=1_000_000) == "max_spp"
-
-    def test_with_a_seed_of_its_own_only_the_same_cap_keeps_them(
-        self, lost_to: Callable[..., str | None]
-    ) -> None:
-        assert lost_to(500, 2000, to=2000, seed=1) is None
-        for other in (1000, 1975, 2025):
-            assert lost_to(500, 2000, to=other, seed=1) == "max_spp"
+@pytest.mark.parametrize(
+    ("spp", "cap", "to", "seed", "why"),
+    [
+        # Larger passes, and smaller ones
+        (10_000, 10_000, 20_000, 0, "max_spp"),
+        (10_000, 10_000, 14_625, 0, None),
+        (10_000, 10_000, 14_650, 0, "max_spp"),
+        (2500, 20_000, 10_000, 0, "max_spp"),
+        (2500, 20_000, 14_650, 0, None),
+        (2500, 20_000, 25_600, 0, None),
+        # Beyond all seeds, though LLVM would have enough
+        (10_000, 10_000, 1_000_000, 0, "max_spp"),
+        # With a seed of its own only the same cap keeps them
+        (500, 2000, 2000, 1, None),
+        (500, 2000, 1975, 1, "max_spp"),
+        (500, 2000, 2025, 1, "max_spp"),
+    ],
+)
+def test_on_scalar_variants_the_cap_decides_which_passes_and_seeds_the_samples_have(
+    farm: NoiseFarm, spp: int, cap: int, to: int, seed: int, why: str | None
+) -> None:
+    made = farm.submit(max_spp=cap, seed=seed)
+    film = {"variant": "scalar_rgb", "width": 1024, "height": 1024}
+    job = made.model_copy(update={**film, "state": JobState.EXHAUSTED})
+    drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
+    seeds = tuple(drawn.seed_range(index) for index in range(spp // 25))
+    remains = Remains(spp // 25, "sums", seeds, Plan.of(job.spec))
+    assert lost_by(job, remains, JobSpec(max_spp=to, seed=seed)) == why
 
 
 class TestWhatIsLost:
-    @pytest.fixture
-    def ended(self, farm: NoiseFarm) -> Job:
-        with farm.monitor():
-            return work(farm, farm.submit(**QUICK))
-
-    @pytest.mark.parametrize(
-        ("changes", "why"),
-        [
-            ({"seed": 1}, "seed"),
-            ({"parameters": {"x": 1}}, "parameters"),
-            ({"variant": "scalar_rgb"}, "variant"),
-            ({"after": ["walk"]}, "after"),
-            ({"view": {"exposure_ev": 1}}, "view"),
-            ({"step": 40}, "step"),
-            ({"keep_slices": True}, "keep_slices"),
-            ({"rule": {"name": "multiple"}}, "rule"),
-            ({"watch": [{"name": "multiple"}]}, "watch"),
-            ({"max_spp": 80}, "max_spp"),
-            ({"priority": 5, "name": "other"}, None),
-        ],
-        ids=lambda given: next(iter(given)) if isinstance(given, dict) else "",
-    )
     def test_to_changes_that_the_sums_do_not_bear(
-        self, farm: NoiseFarm, ended: Job, changes: dict[str, Any], why: str | None
+        self, farm: NoiseFarm, client: redis.Redis
     ) -> None:
-        assert loses(farm, ended, **changes) == why
-
-    def test_nothing_to_a_parameter_that_is_written_otherwise(self, farm: NoiseFarm) -> None:
         with farm.monitor():
-            job = work(farm, farm.submit(**QUICK, parameters={"width": 32}))
-        assert loses(farm, job, parameters={"width": "32"}) is None
-        assert loses(farm, job, parameters={"width": "33"}) == "parameters"
-
-    def test_a_job_has_to_have_ended_and_written_its_results(self, farm: NoiseFarm) -> None:
-        with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
-            go_on(farm, farm.submit(**QUICK))
-        with farm.monitor():
-            job = work(farm, farm.submit(**QUICK))
-        farm.jobs._redis.hdel(keys.job(job.id), "finished_at")
-        with pytest.raises(JobNotEnded, match="its results are being written"):
-            go_on(farm, farm.jobs.get(job.id))
-
-    def test_one_that_ended_without_a_sample_has_none(self, farm: NoiseFarm) -> None:
-        job = farm.submit(**QUICK)
-        farm.jobs.cancel(job.id)
-        assert loses(farm, farm.jobs.get(job.id)) == "gone"
-
-    def test_sums_that_went_between_the_look_and_the_start_start_nothing(
-        self, client: redis.Redis, ended: Job
-    ) -> None:
+            ended = work(farm, farm.submit(**QUICK, parameters={"width": 32}))
+        for why, changed in (
+            ("seed", 1),
+            ("parameters", {"width": "33"}),
+            ("variant", "scalar_rgb"),
+            ("after", ["walk"]),
+            ("view", {"exposure_ev": 1}),
+            ("step", 40),
+            ("keep_slices", True),
+            ("rule", {"name": "multiple"}),
+            ("watch", [{"name": "multiple"}]),
+            ("max_spp", 80),
+        ):
+            assert loses(farm, ended, **{why: changed}) == why
+        # A parameter may be written otherwise
+        same = {"priority": 5, "name": "other", "parameters": {"width": "32"}}
+        assert loses(farm, ended, **same) is None
+        # Sums that went between the look and the start start nothing
         continuations = Continuations(client)
         remains = continuations.remains(ended)
         assert remains is not None
         client.hdel(keys.job(ended.id), "checkpoint")
         assert continuations.start(ended, remains, ended.spec) is None
         assert continuations.remains(ended) is None
+        # And it has to have ended, and to have written its results
+        client.hdel(keys.job(ended.id), "finished_at")
+        with pytest.raises(JobNotEnded, match="its results are being written"):
+            go_on(farm, farm.jobs.get(ended.id))
+        with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
+            go_on(farm, farm.submit(**QUICK))
+
+    def test_one_that_ended_without_a_sample_has_none(self, farm: NoiseFarm) -> None:
+        job = farm.submit(**QUICK)
+        farm.jobs.cancel(job.id)
+        assert loses(farm, farm.jobs.get(job.id)) == "gone"
 
 
 def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
@@ -399,18 +338,27 @@ class TestOverHttp:
     def http(self, farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
         with (
             live_api(redis_url, farm.store) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=30) as http,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
         ):
             yield http
 
-    @pytest.fixture
-    def ended(self, farm: NoiseFarm) -> Job:
-        with farm.monitor():
-            return work(farm, farm.submit(**QUICK, batch="tuesday"))
-
     def test_a_job_goes_on_once_however_often_it_is_asked(
-        self, farm: NoiseFarm, http: httpx.Client, ended: Job
+        self, farm: NoiseFarm, http: httpx.Client
     ) -> None:
+        with farm.monitor():
+            ended = work(farm, farm.submit(**QUICK, batch="tuesday"))
+        # What cannot be is said, and makes no job
+        for refused, slug in (
+            ({"nonsense": 3}, "invalid-spec"),
+            ({"rule": {"spp": "many"}}, "invalid-spec"),
+            ({"max_spp": 10**9}, "invalid-spec"),
+            ({"shot": {"fps": 24}}, "invalid-spec"),
+            ({"parameters": ["width=32", "=3"]}, "invalid-spec"),
+            ([1], "invalid-request"),
+        ):
+            answer = http.post(f"/v1/jobs/{ended.id}/again", json=refused)
+            assert answer.json()["type"] == f"/problems/{slug}", answer.text
+        assert [job["id"] for job in http.get("/v1/jobs").json()["jobs"]] == [ended.id]
         path, body = f"/v1/jobs/{ended.id}/again", {"rule": {"spp": 120}}
         first, second = (
             http.post(path, json=body, headers={"Idempotency-Key": "once"}) for _ in range(2)
@@ -434,25 +382,6 @@ class TestOverHttp:
         # The same key for something else is refused
         other = http.post(path, json={}, headers={"Idempotency-Key": "once"})
         assert other.json()["type"] == "/problems/idempotency-key-reused"
-
-    @pytest.mark.parametrize(
-        ("body", "slug"),
-        [
-            ({"nonsense": 3}, "invalid-spec"),
-            ({"rule": {"spp": "many"}}, "invalid-spec"),
-            ({"max_spp": 10**9}, "invalid-spec"),
-            ({"shot": {"fps": 24}}, "invalid-spec"),
-            ({"parameters": "width"}, "invalid-spec"),
-            ({"parameters": ["width=32", "=3"]}, "invalid-spec"),
-            ([1], "invalid-request"),
-        ],
-    )
-    def test_what_cannot_be_is_said(
-        self, http: httpx.Client, ended: Job, body: Any, slug: str
-    ) -> None:
-        answer = http.post(f"/v1/jobs/{ended.id}/again", json=body)
-        assert answer.json()["type"] == f"/problems/{slug}", answer.text
-        assert http.get("/v1/jobs").json()["jobs"][0]["id"] == ended.id
 
     def test_where_samples_cannot_be_kept_all_is_rendered_anew(
         self, farm: NoiseFarm, http: httpx.Client
@@ -485,22 +414,6 @@ class TestOverHttp:
             assert second.json()["id"] == new["id"]
             assert second.headers["idempotency-replayed"] == "true"
 
-    def test_a_failed_job_keeps_what_was_committed(
-        self, farm: NoiseFarm, http: httpx.Client
-    ) -> None:
-        with farm.monitor():
-            job = farm.submit(**QUICK)
-            farm.render(4)
-            until(lambda: farm.jobs.get(job.id).spp == 40)
-            lease = farm.next_lease()
-            farm.queue.fail(lease, "no such driver")
-            until(lambda: farm.jobs.get(job.id).finished_at is not None)
-            new = http.post(f"/v1/jobs/{job.id}/again", json={}).json()
-            assert new["again"] == {"of": job.id, "kept_spp": 40, "why": None}
-            undisturbed = work(farm, farm.submit(**QUICK))
-            done = work(farm, farm.jobs.get(new["id"]))
-        assert pixels(farm, done) == pixels(farm, undisturbed)
-
     def test_the_scene_is_checked_with_what_changes(
         self, http: httpx.Client, farm: NoiseFarm
     ) -> None:
@@ -532,10 +445,6 @@ class TestOverHttp:
         with farm.monitor():
             assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
 
-    def test_a_job_that_nobody_knows(self, http: httpx.Client) -> None:
-        answer = http.post("/v1/jobs/000000000000/again", json={})
-        assert answer.json()["type"] == "/problems/unknown-job"
-
 
 class TestSamplesSaved:
     """What jobs would have cost otherwise: a job, its batch and the farm say the same."""
@@ -546,7 +455,7 @@ class TestSamplesSaved:
         """Samples that each of these jobs saved, which are all of its batch and of the farm."""
         each = [job.samples_saved for job in done]
         batch = Batches(farm.jobs._redis).get("b")
-        assert batch.samples_saved == farm.jobs.census().samples_saved == sum(each)
+        assert batch.samples_saved == take_census(farm.client).samples_saved == sum(each)
         return [samples // self.PIXELS for samples in each]
 
     def test_are_those_that_the_cap_allowed_beyond_what_a_job_took_over(
@@ -569,10 +478,3 @@ class TestSamplesSaved:
         assert second.spp > first.spp
         # Then each saved what its cap allowed it to render and it did not
         assert self.saved(farm, *done) == [400 - first.spp, 400 - second.spp, 400 - kept.spp, 0]
-
-    def test_are_none_where_the_number_was_asked_for(self, farm: NoiseFarm) -> None:
-        with farm.monitor():
-            fixed = work(farm, farm.submit(**QUICK, batch="b"))
-            further = work(farm, go_on(farm, fixed, rule={"name": "fixed", "spp": 100}, batch="b"))
-        assert (fixed.state, further.state) == (JobState.CONVERGED, JobState.CONVERGED)
-        assert self.saved(farm, fixed, further) == [0, 0]

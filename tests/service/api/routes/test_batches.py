@@ -1,6 +1,7 @@
 """Batches over HTTP: many jobs by one request, summed up, steered."""
 
-import json
+import time
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -10,11 +11,13 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.batch_views import batch_path
 from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
 
@@ -23,7 +26,7 @@ WIDE = scene(
     sensor='<sensor type="perspective"><film type="hdrfilm">'
     '<integer name="width" value="$w"/><integer name="height" value="9"/></film></sensor>'
 )
-NAMES = ["shot/010", "a/../b", "50 %41", "50 %2F", "夜景", "a?b#c", "~", "x" * 100]
+NAMES = ["a/../b", "50 %2F", "夜景", "a?b#c"]
 
 
 def frames(*widths: object, **spec: Any) -> dict[str, Any]:
@@ -59,26 +62,6 @@ class TestAListOfParameters:
         assert first != second
         assert listed(http, batch=first)[0]["spec"]["batch"] == first
 
-    def test_names_a_stored_scene_too(self, http: httpx.Client) -> None:
-        sha256 = submit(http, WIDE, {"parameters": {"w": 16}}).json()["scene_sha256"]
-        answer = submit(http, None, frames(16, 17), scene_sha256=sha256)
-        assert answer.json()["jobs"] == 2
-
-    def test_with_one_entry_is_a_batch_of_one(self, http: httpx.Client) -> None:
-        assert submit(http, WIDE, frames(16)).json()["jobs"] == 1
-
-    def test_is_made_once_for_a_key(self, http: httpx.Client) -> None:
-        key = {"Idempotency-Key": "frames-1"}
-        first = submit(http, WIDE, frames(16, 17), headers=key)
-        again = submit(http, WIDE, frames(16, 17), headers=key)
-        assert "idempotency-replayed" not in first.headers
-        assert again.headers["idempotency-replayed"] == "true"
-        assert again.status_code == 201
-        assert again.json()["job_ids"] == first.json()["job_ids"]
-        assert again.headers["location"] == first.headers["location"]
-        assert len(listed(http)) == 2
-        problem(submit(http, WIDE, frames(16), headers=key), 422, "idempotency-key-reused")
-
     @pytest.mark.parametrize(
         ("widths", "slug", "field"),
         [
@@ -103,15 +86,10 @@ class TestAListOfParameters:
             ({"parameters": []}, "spec.parameters"),
             ({"parameters": [{}] * 1001}, "spec.parameters"),
             ({"parameters": [1]}, "spec.parameters.0"),
-            ({"parameters": [{}], "step": 0}, "spec.step"),
             ({"parameters": [{}], "rule": {"name": "fixed", "spp": 0}}, "spec.rule.spp"),
             ({"parameters": [{}], "frames": 3}, "spec.frames"),
             ({"parameters": [{}], "min_spp": 20_000}, "spec"),
-            ({"min_spp": 0}, "spec.min_spp"),
-            ({"batch": ""}, "spec.batch"),
-            ({"batch": "x" * 101}, "spec.batch"),
             ({"batch": ".."}, "spec.batch"),
-            ({"batch": "two\nlines"}, "spec.batch"),
             ({"parameters": [{}], "batch": "a\x00b"}, "spec.batch"),
         ],
     )
@@ -161,14 +139,14 @@ class TestABatchByItsName:
         names = [one["name"] for one in http.get("/v1/batches").json()["batches"]]
         assert names == ["other", name]
 
-    @pytest.mark.parametrize("what", ["", "/cancel", "/pause", "/resume"])
-    def test_is_said_not_to_be_there(self, http: httpx.Client, what: str) -> None:
-        answer = http.request("POST" if what else "GET", f"/v1/batches/no%2Fne{what}")
-        assert answer.status_code == 404
-        assert answer.json()["type"] == "/problems/unknown-batch"
-        assert "'no/ne'" in answer.json()["detail"]
-
-    def test_is_one_segment_of_the_path(self, http: httpx.Client) -> None:
+    def test_is_said_not_to_be_there_and_is_one_segment_of_the_path(
+        self, http: httpx.Client
+    ) -> None:
+        for what in ("", "/cancel", "/pause", "/resume"):
+            answer = http.request("POST" if what else "GET", f"/v1/batches/no%2Fne{what}")
+            assert answer.status_code == 404
+            assert answer.json()["type"] == "/problems/unknown-batch"
+            assert "'no/ne'" in answer.json()["detail"]
         submit(http, WIDE, frames(16, batch="a/b"))
         assert http.get("/v1/batches/a/b").json()["type"] == "/problems/unknown-path"
         refused = http.put("/v1/batches/a%2Fb")
@@ -190,9 +168,6 @@ class TestListing:
             cursor = {"cursor": page["next_cursor"]}
         assert seen == [("b", 3), ("d", 2), ("c", 2), ("a", 2)]
         assert page["batches"][0]["states"] == {"queued": 2}
-
-    def test_refuses_a_filter_that_it_does_not_have(self, http: httpx.Client) -> None:
-        problem(http.get("/v1/batches", params={"state": "queued"}), 422, "invalid-request")
 
 
 class TestASummary:
@@ -223,10 +198,7 @@ class TestAShot:
             (frames(16, 17, shot={"fps": 24}), "spec.parameters.1", "17×9, and spec.parameters.0"),
             (frames(16, shot={"fps": 24}), "spec", "has 2 frames or more"),
             (frames(3, 3, shot={"fps": 24}), "spec.parameters.0", "at least 4×4 pixels"),
-            (frames(16, 16, shot={"fps": 0}), "spec.shot.fps", "at least 1"),
             (frames(16, 16, shot={"fps": 481}), "spec.shot.fps", "at most 480"),
-            (frames(16, 16, shot={}), "spec.shot.fps", "missing"),
-            (frames(16, 16, shot={"fps": 24, "target": 10}), "spec.shot.target", "at most 9.99"),
             (
                 frames(16, 16, shot={"fps": 24}, allocation={"name": "zones"}),
                 "spec",
@@ -299,24 +271,30 @@ class TestSteering:
                 ],
             }
 
-    def test_holds_back_what_has_not_begun(self, http: httpx.Client) -> None:
-        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
-        http.post(batch["links"]["pause"])
-        assert http.get(batch["links"]["self"]).json()["held"] == 2
-        held = http.get(f"/v1/jobs/{batch['job_ids'][0]}").json()
-        assert (held["state"], held["held"]) == ("queued", True)
-        # One of them may begin alone
-        answer = http.post(f"{held['links']['resume']}")
-        assert (answer.status_code, answer.json()["held"]) == (202, False)
-        assert http.get(batch["links"]["self"]).json()["held"] == 1
-        http.post(batch["links"]["resume"])
-        assert http.get(batch["links"]["self"]).json()["held"] == 0
+
+FRAMES = 150
 
 
-def test_a_thousand_jobs_are_summed_up_in_a_moment(http: httpx.Client, client: redis.Redis) -> None:
-    spec = JobSpec(batch="long")
-    Jobs(client).create_all([spec] * 1000, name="box.xml", scene_sha256="0" * 64)
-    found = http.get("/v1/batches/long")
-    assert found.json()["states"] == {"queued": 1000}
-    assert len(json.dumps(found.json())) < 30_000
-    assert http.post("/v1/batches/long/cancel").json()["done"] == 1000
+def test_its_first_frame_is_done_long_before_its_last_begins(
+    client: redis.Redis, redis_url: str, tmp_path: Path
+) -> None:
+    farm, batches = NoiseFarm(client, redis_url, tmp_path), Batches(client)
+    spec = BatchSpec(
+        parameters=[{"frame": frame} for frame in range(FRAMES)],
+        step=20,
+        slice_spp=10,
+        max_spp=100,
+        rule={"name": "fixed", "spp": 100},
+    )
+    farm.jobs.create_all(spec.job_specs("walk"), name="noise", scene_sha256="00")
+    deadline = time.monotonic() + 120
+    with farm.monitor():
+        while JobState.CONVERGED not in (states := batches.get("walk").states):
+            assert time.monotonic() < deadline, states
+            for _ in range(5):
+                lease = farm.lease()
+                if lease is not None:
+                    farm.commit(lease)
+    assert states[JobState.QUEUED] > FRAMES * 2 / 3, states
+    [done, *_] = farm.jobs.search(batch="walk", state=JobState.CONVERGED)[0]
+    assert done.spec.parameters["frame"] in range(20)

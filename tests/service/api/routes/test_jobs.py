@@ -3,19 +3,18 @@
 import hashlib
 import json
 import socket
-import time
 from typing import Any
 
 import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blob_names
+from plateau.farm.blobs import names as blob_names
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
 from tests.support.farms.live_api import LARGEST_UPLOAD
 from tests.support.farms.staged_job import StagedJob
-from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
+from tests.support.scenes.bundles import PLY, mesh, scene, zipped
 
 FILM = '<film type="hdrfilm"><integer name="width" value="{0}"/><integer name="height" value="9"/>'
 BOX = scene(sensor=f'<sensor type="perspective">{FILM.format(16)}</film></sensor>')
@@ -52,6 +51,34 @@ def problem(answer: httpx.Response, status: int, slug: str) -> dict[str, Any]:
 
 
 class TestSubmitting:
+    def test_says_which_of_several_sensors_is_rendered(self, http: httpx.Client) -> None:
+        film = f'<sensor type="perspective">{FILM.format(16)}</film></sensor>'
+        said = "the scene has 3 sensors, and the first is rendered, sensor 0: `sensor` (--sensor) "
+        said += "chooses another, up to 2"
+        for spec, notes in [({}, [said]), ({"sensor": 1}, []), ({"parameters": [{}]}, [said])]:
+            answer = submit(http, scene(sensor=film * 3), spec).json()
+            job = (
+                http.get(f"/v1/jobs/{answer['job_ids'][0]}").json() if "jobs" in answer else answer
+            )
+            assert job["notes"] == notes
+        assert submit(http).json()["notes"] == []
+
+    def test_refuses_a_rule_that_cannot_judge_so_small_an_image(self, http: httpx.Client) -> None:
+        film = f'<sensor type="perspective">{FILM.format("$side")}</film></sensor>'
+        said = "the rule jod judges images of 4×4 pixels or more, and this one has 3×9: make the "
+        said += "film larger, or name another rule"
+        small = {"side": 3}
+        for spec, field in [
+            ({"rule": {"name": "jod"}, "parameters": small}, "spec"),
+            ({"watch": [{"name": "jod"}], "parameters": small}, "spec"),
+            ({"rule": {"name": "jod"}, "parameters": [{"side": 4}, small]}, "spec.parameters.1"),
+        ]:
+            found = problem(submit(http, scene(sensor=film), spec), 422, "invalid-spec")
+            assert found["errors"] == [{"field": field, "message": said}]
+        assert submit(http, scene(sensor=film), {"parameters": small}).status_code == 201
+        large = {"rule": {"name": "jod"}, "parameters": {"side": 4}}
+        assert submit(http, scene(sensor=film), large).status_code == 201
+
     def test_makes_a_job_and_stores_the_scene_once(
         self, http: httpx.Client, api_store: Blobs
     ) -> None:
@@ -70,30 +97,24 @@ class TestSubmitting:
         sha256 = hashlib.sha256(BOX).hexdigest()
         assert job["scene_sha256"] == sha256
         assert api_store.get(blob_names.scene(sha256)) == BOX
-        second = submit(http).json()
+        files = {
+            "scene": ("C:\\scenes\\..\\b\u202eox.xml", BOX),
+            "spec": ("s.json", b'{"seed": 7}'),
+        }
+        second = http.post("/v1/jobs", files=files).json()
         assert second["id"] != job["id"]
+        assert (second["spec"]["seed"], second["name"]) == (7, "box")
         [stored] = http.get("/v1/scenes").json()["scenes"]
         assert stored["sha256"] == sha256
         assert (stored["bytes"], stored["width"], stored["height"]) == (len(BOX), 16, 9)
 
-    def test_takes_a_zip(self, http: httpx.Client) -> None:
-        bundle = zipped({"scene.xml": scene(mesh("a.ply")), "a.ply": PLY}).read()
-        assert submit(http, bundle, filename="box.zip").status_code == 201
-
     def test_takes_a_stored_scene_by_its_hash(self, http: httpx.Client) -> None:
-        sha256 = submit(http).json()["scene_sha256"]
+        bundle = zipped({"scene.xml": scene(mesh("a.ply")), "a.ply": PLY}).read()
+        sha256 = submit(http, bundle, filename="box.zip").json()["scene_sha256"]
         again = submit(http, None, scene_sha256=sha256)
         assert again.status_code == 201
         assert again.json()["scene_sha256"] == sha256
         assert again.json()["name"] == "box"
-
-    def test_takes_a_spec_as_a_file(self, http: httpx.Client) -> None:
-        files = {"scene": ("box.xml", BOX), "spec": ("spec.json", b'{"seed": 7}')}
-        assert http.post("/v1/jobs", files=files).json()["spec"]["seed"] == 7
-
-    def test_is_called_as_its_file_is_without_folders_and_suffix(self, http: httpx.Client) -> None:
-        job = submit(http, filename="C:\\scenes\\..\\b\u202eox.xml").json()
-        assert job["name"] == "box"
 
     def test_is_called_as_its_spec_says(self, http: httpx.Client) -> None:
         job = submit(http, spec={"name": "Kitchen, v1.2"}).json()
@@ -121,41 +142,31 @@ class TestAnIdempotencyKey:
         assert second.headers["idempotency-replayed"] == "true"
         assert len(http.get("/v1/jobs").json()["jobs"]) == 1
 
-    def test_holds_for_the_stored_scene_too(self, http: httpx.Client) -> None:
-        first = submit(http, headers=self.KEY).json()
+        # Also where that names the stored scene
+        first = first.json()
         by_hash = submit(http, None, scene_sha256=first["scene_sha256"], headers=self.KEY)
         assert by_hash.json()["id"] == first["id"]
 
-    @pytest.mark.parametrize("other", ["spec", "scene"])
-    def test_is_refused_for_another_request(self, http: httpx.Client, other: str) -> None:
+    def test_is_refused_for_another_request_and_where_it_is_none(self, http: httpx.Client) -> None:
         first = submit(http, headers=self.KEY).json()
-        if other == "spec":
-            second = submit(http, spec={"seed": 1}, headers=self.KEY)
-        else:
-            second = submit(http, BOX + b"\n", headers=self.KEY)
-        assert problem(second, 422, "idempotency-key-reused")["job_id"] == first["id"]
-
-    @pytest.mark.parametrize("key", ["", "a b", "x" * 256])
-    def test_must_be_printable_and_short(self, http: httpx.Client, key: str) -> None:
-        answer = submit(http, headers={"Idempotency-Key": key})
-        assert "Idempotency-Key" in problem(answer, 422, "invalid-request")["detail"]
+        for asked in ({"spec": {"seed": 1}}, {"content": BOX + b"\n"}):
+            second = submit(http, headers=self.KEY, **asked)
+            assert problem(second, 422, "idempotency-key-reused")["job_id"] == first["id"]
+        for key in ("", "a b", "x" * 256):
+            answer = submit(http, headers={"Idempotency-Key": key})
+            assert "Idempotency-Key" in problem(answer, 422, "invalid-request")["detail"]
 
 
 class TestABadSpec:
     @pytest.mark.parametrize(
         ("spec", "field"),
         [
-            ({"stepp": 100}, "spec.stepp"),
             ({"view": {"fov": 1}}, "spec.view.fov"),
-            ({"rule": {"name": "reverse", "epsilon": -1}}, "spec.rule.epsilon"),
             ({"watch": [{"name": "fixed", "spp": 0}]}, "spec.watch.0.spp"),
             ({"rule": {"name": "guess"}}, "spec.rule"),
-            ({"max_spp": 0}, "spec.max_spp"),
-            ({"time_limit_s": "soon"}, "spec.time_limit_s"),
-            ({"parameters": {"width": []}}, "spec.parameters.width"),
+            ({"seed": True}, "spec.seed"),
             ({"min_spp": 300, "max_spp": 200}, "spec"),
             ("[]", "spec"),
-            ("{", "spec"),
             ("[" * 100_000, "spec"),
             ('{"batch": "\\ud800"}', "spec"),
         ],
@@ -176,16 +187,9 @@ class TestABadUpload:
     @pytest.mark.parametrize(
         ("content", "code"),
         [
-            (b"", "empty"),
-            (b"hello", "not-a-scene"),
             (b"<scene", "xml-malformed"),
             (b"PK\x03\x04 and no more", "zip-malformed"),
-            (b'<!DOCTYPE a [<!ENTITY b "c">]><scene version="3.0.0">&b;</scene>', "xml-entity"),
-            (scene(mesh("gone.ply")), "missing-file"),
-            (scene(include("../../etc/passwd")), "path-escape"),
             (zipped({"../scene.xml": BOX}).read(), "path-escape"),
-            (BOX.replace(b'"16"', b'"0"'), "film-size"),
-            (scene(sensor=""), "no-sensor"),
         ],
     )
     def test_is_refused_with_the_check_s_words(
@@ -213,7 +217,9 @@ class TestABadUpload:
             request = http.build_request("POST", "/v1/jobs", content=content, headers=headers)
             assert "content-length" not in request.headers
         problem(http.send(request), 413, "upload-too-large")
-        # The next one is taken
+        # The next one is taken, and so large a scene alone is not
+        answer = submit(http, BOX + b" " * LARGEST_UPLOAD)
+        assert problem(answer, 413, "upload-too-large")["code"] == "too-large"
         assert submit(http).status_code == 201
 
     def test_that_is_endless_is_refused_all_the_same(self, http: httpx.Client) -> None:
@@ -227,41 +233,20 @@ class TestABadUpload:
             )
             assert client.recv(65536).startswith(b"HTTP/1.1 413 ")
 
-    def test_is_refused_where_the_scene_alone_is_too_large(self, http: httpx.Client) -> None:
-        answer = submit(http, BOX + b" " * LARGEST_UPLOAD)
-        assert problem(answer, 413, "upload-too-large")["code"] == "too-large"
-
-    def test_is_refused_where_it_has_no_scene(self, http: httpx.Client) -> None:
-        problem(http.post("/v1/jobs"), 422, "no-scene")
-        problem(submit(http, None, {}), 422, "no-scene")
-
-    def test_is_refused_where_it_is_no_form(self, http: httpx.Client) -> None:
-        problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
-        headers = {"Content-Type": "multipart/form-data; boundary=x"}
-        problem(
-            http.post("/v1/jobs", content=b"--y\r\nbroken", headers=headers),
-            400,
-            "malformed-request",
-        )
-
-    @pytest.mark.parametrize(
-        ("files", "field"),
-        [
+    def test_is_refused_by_the_part_that_is_wrong(self, http: httpx.Client) -> None:
+        files: dict[str, Any]
+        for files, field in (
             ({"scene": (None, "box.xml")}, "scene"),
             ({"scene_sha256": (None, "ABC")}, "scene_sha256"),
             ({"scene": ("a.xml", BOX), "scene_sha256": (None, "0" * 64)}, "scene_sha256"),
             ({"scene": ("a.xml", BOX), "sepc": (None, "{}")}, "sepc"),
-        ],
-    )
-    def test_is_refused_by_the_part_that_is_wrong(
-        self, http: httpx.Client, files: dict[str, Any], field: str
-    ) -> None:
-        found = problem(http.post("/v1/jobs", files=files), 422, "invalid-request")
-        assert [one["field"] for one in found["errors"]] == [field]
-
-    def test_is_refused_where_the_hash_is_of_no_stored_scene(self, http: httpx.Client) -> None:
-        answer = submit(http, None, scene_sha256="0" * 64)
-        problem(answer, 422, "unknown-scene")
+        ):
+            found = problem(http.post("/v1/jobs", files=files), 422, "invalid-request")
+            assert [one["field"] for one in found["errors"]] == [field]
+        for answer in (http.post("/v1/jobs"), submit(http, None, {})):
+            problem(answer, 422, "no-scene")
+        problem(submit(http, None, scene_sha256="0" * 64), 422, "unknown-scene")
+        problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
 
 
 class TestListing:
@@ -277,33 +262,23 @@ class TestListing:
             cursor = {"cursor": page["next_cursor"]}
         assert seen == made[::-1]
 
-    def test_filters_by_state_and_by_batch(self, http: httpx.Client) -> None:
-        one = submit(http, spec={"batch": "a"}).json()["id"]
-        other = submit(http, spec={"batch": "b"}).json()["id"]
-        http.post(f"/v1/jobs/{other}/cancel")
-
-        def listed(**asked: str) -> list[str]:
-            return [job["id"] for job in http.get("/v1/jobs", params=asked).json()["jobs"]]
-
-        assert listed(state="queued") == [one]
-        assert listed(state="cancelled") == [other]
-        assert listed(batch="b") == [other]
-        assert listed(batch="b", state="queued") == []
-
     @pytest.mark.parametrize(
-        ("asked", "field"),
+        ("name", "value"),
         [
-            ({"limit": "0"}, "limit"),
-            ({"limit": "201"}, "limit"),
-            ({"cursor": "x"}, "cursor"),
-            ({"state": "happy"}, "state"),
+            ("limit", "0"),
+            ("limit", "201"),
+            ("limit", "9" * 5000),
+            ("cursor", "٣"),  # a digit, but none of ASCII
+            ("cursor", "9" * 16),
+            ("state", ""),
+            ("state", "happy"),
+            ("deleted", "yes"),
+            ("search", "x" * 201),
         ],
     )
-    def test_refuses_what_it_cannot_list(
-        self, http: httpx.Client, asked: dict[str, str], field: str
-    ) -> None:
-        found = problem(http.get("/v1/jobs", params=asked), 422, "invalid-request")
-        assert [one["field"] for one in found["errors"]] == [field]
+    def test_refuses_what_it_cannot_list(self, http: httpx.Client, name: str, value: str) -> None:
+        found = problem(http.get("/v1/jobs", params={name: value}), 422, "invalid-request")
+        assert [one["field"] for one in found["errors"]] == [name]
 
 
 class TestCancelling:
@@ -315,13 +290,24 @@ class TestCancelling:
             assert answer.json()["state"] == "cancelled"
         assert http.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"
 
-    def test_is_refused_where_the_job_has_ended_otherwise(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        found = problem(http.post(f"/v1/jobs/{job.id}/cancel"), 409, "cannot-cancel")
+
+def test_what_has_ended_is_steered_no_more(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    path = f"/v1/jobs/{job.id}"
+    for call in ("pause", "resume"):
+        queued = problem(http.post(f"{path}/{call}"), 409, f"cannot-{call}")
+        assert queued["state"] == "queued"
+        assert f"job {job.id} is queued; only a" in queued["detail"]
+    job.commit()
+    job.end(JobState.CONVERGED, "levelled off")
+    for answer, slug in (
+        *(
+            (http.post(f"{path}/{call}"), f"cannot-{call}")
+            for call in ("cancel", "pause", "resume")
+        ),
+        (http.patch(path, json={"priority": 1}), "job-ended"),
+    ):
+        found = problem(answer, 409, slug)
         assert found["state"] == "converged"
         assert found["story"][-1].endswith("converged: levelled off")
 
@@ -356,34 +342,6 @@ class TestDeletion:
             problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
             problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
 
-    def test_a_batch_goes_as_one(self, http: httpx.Client, client: redis.Redis) -> None:
-        ended, open_ = (StagedJob(client, batch="walk/1") for _ in range(2))
-        ended.commit()
-        ended.end()
-        path = "/v1/batches/walk%2F1"
-        for method, call in (("DELETE", ""), ("POST", "/restore")):
-            steered = http.request(method, path + call).json()
-            assert (steered["name"], steered["done"]) == ("walk/1", 1)
-            outcomes = [(one["job"], one["why_not"]) for one in steered["jobs"]]
-            assert sorted(outcomes) == sorted([(ended.id, None), (open_.id, "it has not ended")])
-        assert len(http.get(path).json()["job_ids"]) == 2
-
-
-def test_a_search_reads_names_and_more(http: httpx.Client) -> None:
-    lamp = submit(http, spec={"name": "Lamp at dusk", "batch": "evening"}).json()["id"]
-    other = submit(http).json()["id"]
-
-    def found(search: str) -> list[str]:
-        jobs = http.get("/v1/jobs", params={"search": search}).json()["jobs"]
-        return [job["id"] for job in jobs]
-
-    assert found("") == [other, lamp]
-    assert found("box") == [other]
-    assert found("DUSK  even") == found(lamp[2:]) == [lamp]
-    assert found("dusk morning") == []
-    problem(http.get("/v1/jobs", params={"search": "x" * 201}), 422, "invalid-request")
-    problem(http.get("/v1/jobs", params={"deleted": "yes"}), 422, "invalid-request")
-
 
 class TestPausing:
     def test_and_resuming_may_be_repeated(self, http: httpx.Client, client: redis.Redis) -> None:
@@ -395,42 +353,13 @@ class TestPausing:
             for _ in range(2):
                 answer = http.post(shown["links"][call])
                 assert (answer.status_code, answer.json()["state"]) == (202, state)
-            assert http.get(f"/v1/jobs/{job.id}").json()["state"] == state
-
-    def test_shows_since_when_and_for_how_long(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        paused = http.post(f"/v1/jobs/{job.id}/pause").json()
-        assert (paused["reason"], paused["paused_s"]) == ("paused by a user", 0)
-        assert paused["paused_at"] > paused["started_at"]
-        time.sleep(0.01)
-        resumed = http.post(f"/v1/jobs/{job.id}/resume").json()
-        assert (resumed["paused_at"], resumed["paused_s"] >= 0.01) == (None, True)
-
-    def test_a_paused_job_can_be_cancelled(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        job.commit()
+            now = http.get(f"/v1/jobs/{job.id}").json()
+            assert (now["state"], now["paused_at"] is not None) == (state, call == "pause")
+        assert now["paused_s"] > 0
+        # A paused job can be cancelled
         http.post(f"/v1/jobs/{job.id}/pause")
         cancelled = http.post(f"/v1/jobs/{job.id}/cancel").json()
         assert (cancelled["state"], cancelled["paused_at"]) == ("cancelled", None)
-
-    @pytest.mark.parametrize(
-        ("call", "slug"), [("pause", "cannot-pause"), ("resume", "cannot-resume")]
-    )
-    def test_is_refused_before_and_after(
-        self, http: httpx.Client, client: redis.Redis, call: str, slug: str
-    ) -> None:
-        job = StagedJob(client)
-        queued = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
-        assert queued["state"] == "queued"
-        assert f"job {job.id} is queued; only a" in queued["detail"]
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        ended = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
-        assert ended["state"] == "converged"
-        assert ended["story"][-1].endswith("converged: levelled off")
 
 
 class TestChangingThePriority:
@@ -450,9 +379,9 @@ class TestChangingThePriority:
         [
             ({}, "priority"),
             ({"priority": 1001}, "priority"),
-            ({"priority": None}, "priority"),
             ({"priority": "5"}, "priority"),
             ({"priority": True}, "priority"),
+            ({"priority": 1.5}, "priority"),
             ({"priority": 1, "max_spp": 10}, "max_spp"),
         ],
     )
@@ -463,17 +392,6 @@ class TestChangingThePriority:
         found = problem(http.patch(f"/v1/jobs/{job}", json=asked), 422, "invalid-request")
         assert [one["field"] for one in found["errors"]] == [field]
         assert http.get(f"/v1/jobs/{job}").json()["spec"]["priority"] == 0
-
-    def test_is_refused_where_the_job_has_ended(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        job.end(JobState.CONVERGED, "levelled off")
-        answer = http.patch(f"/v1/jobs/{job.id}", json={"priority": 1})
-        found = problem(answer, 409, "job-ended")
-        assert found["state"] == "converged"
-        assert found["story"][-1].endswith("converged: levelled off")
 
     @pytest.mark.parametrize("announced", [True, False])
     def test_reads_no_more_of_a_body_than_it_needs(
@@ -486,40 +404,22 @@ class TestChangingThePriority:
         answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
         assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
 
-    def test_says_what_is_not_json(self, http: httpx.Client) -> None:
-        job = submit(http).json()["id"]
-        for content in (b"{", b"\xff"):
-            headers = {"Content-Type": "application/json"}
-            answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
-            problem(answer, 400, "malformed-request")
 
-    def test_of_an_unknown_job_is_a_404(self, http: httpx.Client) -> None:
-        problem(http.patch("/v1/jobs/nope", json={"priority": 1}), 404, "unknown-job")
-
-
-@pytest.mark.parametrize(
-    ("method", "rest"),
-    [
-        ("GET", ""),
-        ("GET", "/curve"),
-        ("GET", "/curve.csv"),
-        ("GET", "/events"),
-        ("GET", "/slices"),
-        ("GET", "/slices/0/log"),
-        ("GET", "/log"),
-        ("GET", "/image.png"),
-        ("GET", "/image.exr"),
-        ("GET", "/difference.png"),
-        ("POST", "/cancel"),
-        ("POST", "/pause"),
-        ("POST", "/resume"),
-    ],
-)
-# The last is the name of one of a job's keys in Redis
-@pytest.mark.parametrize("job_id", ["0123456789ab", "nope", "JOB:events"])
-def test_an_unknown_job_is_a_404_everywhere(
-    http: httpx.Client, client: redis.Redis, method: str, rest: str, job_id: str
-) -> None:
-    job_id = job_id.replace("JOB", StagedJob(client).id)
-    answer = http.request(method, f"/v1/jobs/{job_id}{rest}")
-    assert job_id in problem(answer, 404, "unknown-job")["detail"]
+def test_an_unknown_job_is_a_404_everywhere(http: httpx.Client, client: redis.Redis) -> None:
+    # The last is the name of one of a job's keys in Redis
+    for job_id in ("0123456789ab", "nope", f"{StagedJob(client).id}:events"):
+        path = f"/v1/jobs/{job_id}"
+        answers = [
+            http.patch(path, json={"priority": 1}),
+            http.post(f"{path}/again", json={}),
+            *(http.post(f"{path}/{call}") for call in ("cancel", "pause", "resume")),
+            *(
+                http.get(path + rest)
+                for rest in (
+                    *("", "/curve", "/curve.csv", "/events", "/log", "/slices", "/slices/0/log"),
+                    *("/image.png", "/image.exr", "/difference.png", "/results.zip"),
+                )
+            ),
+        ]
+        for answer in answers:
+            assert job_id in problem(answer, 404, "unknown-job")["detail"]

@@ -10,14 +10,14 @@ import pytest
 import redis
 
 from plateau.client.watching import parse_events
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.service.judging.films import checked_partial
+from plateau.picture.films import checked_partial
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until
@@ -63,16 +63,6 @@ class TestTheCurve:
             "false",
         )
 
-    def test_shows_in_the_job(self, http: httpx.Client, job: StagedJob) -> None:
-        shown = http.get(f"/v1/jobs/{job.id}").json()
-        assert (shown["points"], shown["spp"], shown["committed_spp"]) == (2, 200, 200)
-        assert (shown["visible_pixels"], shown["slope"]) == (30, 0.25)
-
-    def test_is_empty_at_first(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        assert http.get(f"/v1/jobs/{job.id}/curve").json() == {"points": []}
-        assert http.get(f"/v1/jobs/{job.id}/curve.csv").text.startswith("spp,visible_pixels,")
-
 
 def test_a_slice_is_a_partial_whatever_its_worker_said(
     http: httpx.Client, client: redis.Redis, store: Blobs
@@ -102,26 +92,19 @@ def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) ->
 
 
 class TestImages:
-    @pytest.mark.parametrize(
-        ("name", "media_type"),
-        [
-            ("image.png", "image/png"),
-            ("image.exr", "image/x-exr"),
-            ("difference.png", "image/png"),
-            ("noise.png", "image/png"),
-            ("quality.png", "image/png"),
-        ],
-    )
     def test_come_as_they_are_stored(
-        self, http: httpx.Client, client: redis.Redis, api_store: Blobs, name: str, media_type: str
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs
     ) -> None:
         job = StagedJob(client)
-        picture = bytes(range(256)) * 40_000  # more than one piece
-        job.picture(api_store, name, picture)
-        answer = http.get(f"/v1/jobs/{job.id}/{name}")
-        assert answer.content == picture
-        assert answer.headers["content-type"] == media_type
-        assert answer.headers["cache-control"] == "no-cache"
+        picture = bytes(range(256)) * 17_000  # more than one piece
+        names = ("image.png", "image.exr", "difference.png", "noise.png", "quality.png")
+        for place, name in enumerate(names):
+            job.picture(api_store, name, picture[place:])
+            answer = http.get(f"/v1/jobs/{job.id}/{name}")
+            assert answer.content == picture[place:]
+            media_type = "image/x-exr" if name.endswith(".exr") else "image/png"
+            assert answer.headers["content-type"] == media_type
+            assert answer.headers["cache-control"] == "no-cache"
 
     def test_are_missed_in_words(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
@@ -162,39 +145,15 @@ class TestImages:
 
 
 class TestEvents:
-    def test_tell_the_whole_story_and_end(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        job.commit(4)
-        job.point(100, 12, slope=0.5)
-        job.end()
-        job.finish()
-        happened = list(events(http, job.id))
-        assert told(happened) == [
-            "state",
-            "state",
-            *["slice"] * 4,
-            "point",
-            "state",
-            "image",
-            "finished",
-        ]
-        assert [event.data["to"] for event in happened if event.type == "state"] == [
-            "queued",
-            "rendering",
-            "converged",
-        ]
-        [point] = [event.data for event in happened if event.type == "point"]
-        assert (point["spp"], point["visible_pixels"], point["slope"]) == (100, 12, 0.5)
-        # As JSON on request
-        listed = http.get(f"/v1/jobs/{job.id}/events", headers={"Accept": "application/json"})
-        assert [one["id"] for one in listed.json()["events"]] == [one.id for one in happened]
-
     def test_arrive_as_they_happen(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
+        happened: list[Event] = []
         arrived: list[str] = []
 
         def listen() -> None:
-            arrived.extend(event.type for event in events(http, job.id))
+            for event in events(http, job.id):
+                happened.append(event)
+                arrived.append(event.type)
 
         listener = threading.Thread(target=listen)
         listener.start()
@@ -206,7 +165,7 @@ class TestEvents:
 
         for do, told in (
             (job.commit, ["state", "slice"]),
-            (lambda: job.point(25, 1), ["point"]),
+            (lambda: job.point(25, 12, slope=0.5), ["point"]),
             (job.end, ["state"]),
             (job.finish, ["image", "finished"]),
         ):
@@ -216,6 +175,14 @@ class TestEvents:
             until(all_is_heard)
             assert arrived == expected
         listener.join(60)
+        assert [event.data["to"] for event in happened if event.type == "state"] == [
+            *("queued", "rendering", "converged")
+        ]
+        [point] = [event.data for event in happened if event.type == "point"]
+        assert (point["spp"], point["visible_pixels"], point["slope"]) == (25, 12, 0.5)
+        # As JSON on request
+        listed = http.get(f"/v1/jobs/{job.id}/events", headers={"Accept": "application/json"})
+        assert [one["id"] for one in listed.json()["events"]] == [one.id for one in happened]
 
     def test_go_on_from_the_last_one_seen(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
@@ -228,40 +195,53 @@ class TestEvents:
             assert rest == everything[seen + 1 :]
         query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
         assert told(parse_events(query.text.splitlines())) == ["finished"]
-
-    def test_say_that_nothing_more_will_come(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        job.end(JobState.FAILED)
-        job.finish()
-        last = list(events(http, job.id))[-1]
-        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last.id})
+        last = {"Last-Event-ID": everything[-1].id}
+        answer = http.get(f"/v1/jobs/{job.id}/events", headers=last)
         assert answer.status_code == 204  # on which a browser does not come back
 
-    def test_reach_everyone_who_watches(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        heard: list[list[str]] = [[] for _ in range(8)]
 
-        def listen(ear: list[str]) -> None:
-            ear.extend(told(events(http, job.id)))
+@pytest.fixture
+def job(client: redis.Redis) -> StagedJob:
+    """Slice 0 committed in silence, slice 1 after a death and with a warning."""
+    job = StagedJob(client)
+    job.commit()
+    job.die("the render process was ended by SIGSEGV", said="last words")
+    job.commit(said="a warning")
+    return job
 
-        listeners = [threading.Thread(target=listen, args=(ear,)) for ear in heard]
-        for listener in listeners:
-            listener.start()
-        for number in range(1, 6):
-            job.commit()
-            job.point(25 * number, number)
-        job.end()
-        job.finish()
-        for listener in listeners:
-            listener.join(60)
-        assert (
-            heard == [["state", "state", *["slice", "point"] * 5, "state", "image", "finished"]] * 8
-        )
 
-    @pytest.mark.parametrize("last", ["x", "1", "1-2-3", "-"])
-    def test_refuse_an_id_that_is_none(
-        self, http: httpx.Client, client: redis.Redis, last: str
-    ) -> None:
-        job = StagedJob(client)
-        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last})
-        problem(answer, 422, "invalid-request")
+def test_it_tells_of_every_try(http: httpx.Client, job: StagedJob) -> None:
+    entries = http.get(f"/v1/jobs/{job.id}/log").json()["entries"]
+    assert [(one["slice"], one["what"], one["text"]) for one in entries] == [
+        (0, "committed", ""),
+        (1, "died", "last words"),
+        (1, "committed", "a warning"),
+    ]
+    assert [one["worker"] for one in entries] == ["worker-1"] * 3
+    assert entries[1]["cause"] == "the render process was ended by SIGSEGV"
+    assert [one["seconds"] for one in entries] == [0.5, 0.2, 0.5]
+    assert [one["at"] for one in entries] == sorted(one["at"] for one in entries)
+    assert http.get(f"/v1/jobs/{job.id}").json()["links"]["log"] == f"/v1/jobs/{job.id}/log"
+
+
+def test_it_tells_of_one_slice(http: httpx.Client, job: StagedJob) -> None:
+    found = http.get(f"/v1/jobs/{job.id}/slices/1/log").json()
+    assert (found["slice"]["index"], found["slice"]["worker"]) == (1, "worker-1")
+    assert [one["what"] for one in found["entries"]] == ["died", "committed"]
+    # Of one that is only planned, or not even that, there is nothing to tell yet
+    assert http.get(f"/v1/jobs/{job.id}/slices/7/log").json() == {"slice": None, "entries": []}
+    # It outlives the job
+    job.end()
+    job.finish()
+    assert len(http.get(f"/v1/jobs/{job.id}/log").json()["entries"]) == 3
+
+
+def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, job: StagedJob) -> None:
+    last = job.spec.max_spp // job.spec.slice_spp - 1
+    assert http.get(f"/v1/jobs/{job.id}/slices/{last}/log").status_code == 200
+    found = problem(http.get(f"/v1/jobs/{job.id}/slices/{last + 1}/log"), 404, "unknown-slice")
+    assert f"no slice {last + 1}" in found["detail"]
+    problem(http.get(f"/v1/jobs/{job.id}/slices/-1/log"), 422, "invalid-request")
+    problem(http.get(f"/v1/jobs/{job.id}/slices/x/log"), 422, "invalid-request")
+    huge = f"/v1/jobs/{job.id}/slices/{10**30}/log"
+    problem(http.get(huge), 404, "unknown-slice")

@@ -1,24 +1,18 @@
 """Steering workers over HTTP."""
 
-from collections.abc import Iterator
-from typing import Any
-
 import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.api_keys import KeyLimits
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
-from plateau.service.api.access.key_guard import Access
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
-from tests.support.farms.live_api import live_api
 
 LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
 
@@ -76,21 +70,6 @@ def test_demand_is_counted_for_the_variants_of_a_pool(
             assert status == (200 if (parameter, name) == ("tag", "") else 422), (parameter, name)
 
 
-def test_demand_of_jobs_that_require_tags_is_for_workers_that_have_them(
-    http: httpx.Client, client: redis.Redis
-) -> None:
-    owners = Ownerships(client, lease_s=60)
-    job = Jobs(client).create(JobSpec(requires=("gpu",)), name="box", scene_sha256="00").job
-    owned = owners.acquire(job.id)
-    assert owned is not None
-    owners.plan(owned, range(3))
-    slices = {
-        tags: http.get(f"/v1/demand?{tags}").json()["slices"]
-        for tags in ("", "tag=", "tag=gpu", "tag=gpu&tag=highmem", "tag=highmem")
-    }
-    assert slices == {"": 3, "tag=": 0, "tag=gpu": 3, "tag=gpu&tag=highmem": 3, "tag=highmem": 0}
-
-
 def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: redis.Redis) -> None:
     scene = {"scene": ("a.xml", SCENE_XML)}
     asked = {"spec": '{"pool": "night", "requires": ["gpu"], "variant": "llvm_ad_rgb"}'}
@@ -125,76 +104,10 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     assert {name: shown[name] for name in fits} == fits
 
 
-def submitted(http: httpx.Client, spec: str = "{}") -> dict[str, Any]:
+def test_a_need_too_many_is_a_problem(http: httpx.Client, client: redis.Redis) -> None:
+    for number in range(MOST_NEEDS):
+        Jobs(client).create(JobSpec(pool=f"p{number}"), name="box", scene_sha256="00")
     scene = {"scene": ("a.xml", SCENE_XML)}
-    return http.post("/v1/jobs", files=scene, data={"spec": spec}).json()
-
-
-def test_a_worker_says_of_which_jobs_it_is_left_out(
-    http: httpx.Client, client: redis.Redis, worker: str
-) -> None:
-    job = submitted(http)
-    owners = Ownerships(client, lease_s=60)
-    owned = owners.acquire(job["id"])
-    assert owned is not None
-    owners.plan(owned, range(2))
-    queue = SliceQueue(client, worker, 60)
-    lease = queue.lease(("scalar_rgb",), None, in_turn=False)
-    assert lease is not None
-    queue.hand_back(lease, cause="its files differ", leaves_out=True)
-    (shown,) = http.get("/v1/workers").json()["workers"]
-    assert shown["left_out_of"] == [job["id"]]
-    waits = http.get(job["links"]["self"]).json()
-    assert waits["waits_for"].startswith("waits for a worker that is not left out of it")
-    assert waits["fitting_workers"] == 0
-
-
-def test_a_job_waits_for_others(http: httpx.Client) -> None:
-    first = submitted(http, '{"name": "box", "batch": "walk"}')
-    second = submitted(http, f'{{"after": ["{first["id"]}", "walk"], "name": "comp"}}')
-    words = f"waits for job box ({first['id']}), batch walk"
-    assert (second["awaits"], second["waits_for"], second["reason"]) == (2, words, words)
-    assert http.get("/metrics").text.count("plateau_jobs_unserved 1.0") == 1  # the first alone
-    for spec, why in (
-        ('{"after": ["0123456789ab"]}', "there is no job and no batch '0123456789ab'"),
-        ('{"after": [""]}', "must not be empty"),
-        ('{"after": "walk"}', "spec.after"),
-        (f'{{"after": {[*map(str, range(17))]}}}'.replace("'", '"'), "at most 16"),
-    ):
-        scene = {"scene": ("a.xml", SCENE_XML)}
-        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
-        detail = problem(answer, 422, "invalid-spec")["detail"]
-        assert detail.startswith("spec.after"), detail
-        assert why in detail, detail
-    http.post(first["links"]["cancel"])
-    scene = {"scene": ("a.xml", SCENE_XML)}
-    answer = http.post("/v1/jobs", files=scene, data={"spec": '{"after": ["walk"]}'})
-    assert (
-        "was cancelled, so nothing can come after it"
-        in problem(answer, 422, "invalid-spec")["detail"]
+    problem(
+        http.post("/v1/jobs", files=scene, data={"spec": '{"pool": "p"}'}), 409, "too-many-needs"
     )
-
-
-def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:
-    for number in range(MOST_NEEDS + 1):
-        scene = {"scene": ("a.xml", SCENE_XML)}
-        answer = http.post("/v1/jobs", files=scene, data={"spec": f'{{"pool": "p{number}"}}'})
-    problem(answer, 409, "too-many-needs")
-
-
-class TestWithKeys:
-    @pytest.fixture
-    def url(self, redis_url: str, api_store: Blobs) -> Iterator[str]:
-        with live_api(redis_url, api_store, access=Access.KEYS) as url:
-            yield url
-
-    @pytest.mark.parametrize(
-        ("role", "status"), [(Role.VIEWER, 403), (Role.SUBMITTER, 403), (Role.ADMIN, 202)]
-    )
-    def test_it_takes_an_admin(
-        self, client: redis.Redis, url: str, worker: str, role: Role, status: int
-    ) -> None:
-        _, key = ApiKeys(client).create("page", role, LIMITS)
-        headers = {"Authorization": f"Bearer {key}"}
-        answer = httpx.post(f"{url}/v1/workers/{worker}/drain", headers=headers, trust_env=False)
-        assert answer.status_code == status

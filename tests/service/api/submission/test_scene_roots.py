@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,39 +11,47 @@ import httpx
 import pytest
 
 from plateau import Client
-from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.model.scene_roots import read_roots
+from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.api.scene_checks.placing import Placing
 from tests.service.api.routes.test_jobs import FILM, problem
 from tests.support.farms.live_api import live_api
-from tests.support.processes.commands import plateau as command
 from tests.support.scenes.bundles import PLY, mesh, scene, zipped
 
 SENSOR = f'<sensor type="perspective">{FILM.format("$width")}</film></sensor>'
 WIDTH = '<default name="width" value="16"/><default name="mesh" value="hall"/>'
 
 
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("studio") / "assets"
+
+
 @pytest.fixture
-def assets(tmp_path: Path) -> Path:
-    walk = tmp_path / "assets" / "walk"
+def assets(root: Path) -> Path:
+    if root.exists():
+        shutil.rmtree(root)
+    walk = root / "walk"
     walk.mkdir(parents=True)
     (walk / "scene.xml").write_bytes(scene(WIDTH, mesh("$mesh.ply"), SENSOR, sensor=""))
     (walk / "hall.ply").write_bytes(PLY)
     (walk / "door.ply").write_bytes(PLY + b"#")
-    return tmp_path / "assets"
+    return root
 
 
-@pytest.fixture
-def url(redis_url: str, store: Blobs, assets: Path, tmp_path: Path) -> Iterator[str]:
-    placing = Placing(read_roots(f"assets={assets}|Z:/assets"), tmp_path / "hashes")
-    with live_api(redis_url, store, placing=placing) as url:
+@pytest.fixture(scope="module")
+def url(embedded_redis: EmbeddedRedis, api_store: Blobs, root: Path) -> Iterator[str]:
+    """An API with a scene root, for all tests: its checks of scenes take long to begin."""
+    placing = Placing(read_roots(f"assets={root}|Z:/assets"), root.parent / "hashes")
+    with live_api(embedded_redis.url, api_store, placing=placing) as url:
         yield url
 
 
 @pytest.fixture
-def studio(url: str) -> Iterator[httpx.Client]:
+def studio(url: str, redis_url: str, assets: Path) -> Iterator[httpx.Client]:
     with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:
         yield http
 
@@ -53,7 +62,7 @@ def submit(http: httpx.Client, path: str, spec: str = "{}", **more: str) -> http
 
 
 def test_a_scene_is_named_and_not_sent(
-    studio: httpx.Client, url: str, store: Blobs, assets: Path
+    studio: httpx.Client, url: str, api_store: Blobs, assets: Path
 ) -> None:
     made = submit(studio, "{assets}/walk/scene.xml", '{"requires": ["gpu"]}')
     assert made.status_code == 201, made.text
@@ -62,7 +71,7 @@ def test_a_scene_is_named_and_not_sent(
     # Only workers with the root get it
     assert "tags gpu, root.assets" in studio.get(f"/v1/jobs/{job['id']}").json()["waits_for"]
     # What is stored is small, and its hash is that of the scene
-    stored = store.get(blobs.scene(job["scene_sha256"]))
+    stored = api_store.get(blobs.scene(job["scene_sha256"]))
     assert hashlib.sha256(stored).hexdigest() == job["scene_sha256"]
     assert LIST_NAME.encode() in stored
     # Other names of it are the same scene; so is the stored one, with its root
@@ -80,7 +89,7 @@ def test_a_scene_is_named_and_not_sent(
     assert submit(studio, "{assets}/walk").json()["scene_sha256"] != job["scene_sha256"]
 
 
-def test_a_batch_has_the_files_of_all_its_frames(studio: httpx.Client, store: Blobs) -> None:
+def test_a_batch_has_the_files_of_all_its_frames(studio: httpx.Client) -> None:
     spec = '{"batch": "doors", "parameters": [{"mesh": "hall"}, {"mesh": "door", "width": 32}]}'
     assert submit(studio, "{assets}/walk", spec).status_code == 201
     jobs = studio.get("/v1/jobs", params={"batch": "doors"}).json()["jobs"]
@@ -89,12 +98,6 @@ def test_a_batch_has_the_files_of_all_its_frames(studio: httpx.Client, store: Bl
         "/v1/scenes", files={"scene_path": (None, "{assets}/walk"), "spec": (None, "{}")}
     ).json()
     assert (found["files"], found["kind"], found["width"]) == (3, "zip", 16)
-
-
-def test_the_command_line_names_it_too(studio: httpx.Client, url: str) -> None:
-    _, printed, _ = command("submit", "{assets}/walk/scene.xml", "--url", url)
-    job = studio.get(f"/v1/jobs/{printed.strip()}").json()
-    assert job["spec"]["requires"] == ["root.assets"]
 
 
 def test_what_is_refused_and_why(studio: httpx.Client, http: httpx.Client, assets: Path) -> None:

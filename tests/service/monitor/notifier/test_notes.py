@@ -1,9 +1,7 @@
 """Targets that the operator names are notified by mail and over HTTP, of jobs and whole batches."""
 
 import base64
-import io
 import json
-import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,8 +20,6 @@ from plateau.farm.images.png import encode_png
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
-from plateau.farm.process.addresses import Receivers
-from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
@@ -32,6 +28,8 @@ from plateau.service.monitor.notifier import notifier as module
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests
+from plateau.service.notices.receivers import Receivers
+from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.support.farms.receiver import OK, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -49,7 +47,7 @@ def notifying(redis_url: str, notes: Notes) -> Iterator[None]:
         notes,
         lease_s=30.0,
         delay_s=lambda *_: 0.05,
-        look_s=0.05,
+        poll_s=0.05,
     )
     thread = threading.Thread(target=notifier.run)
     thread.start()
@@ -101,18 +99,26 @@ class SmtpServer(Controller):
         super()._trigger_server()
 
 
-def test_a_mail_says_what_ended_and_why(client: redis.Redis, redis_url: str) -> None:
+@contextmanager
+def mailbox() -> Iterator[tuple[Mails, str]]:
+    """A mailbox, and the target that reaches it."""
     mails = Mails()
     server = SmtpServer(mails, hostname="127.0.0.1", port=0)
     server.start()
+    who = "from=farm@studio.example&to=ops@studio.example&mode=insecure"
     try:
-        mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
-        targets = Targets({"ops": f"{mail}&mode=insecure"})
-        with notifying(redis_url, Notes(targets, "https://farm/")):
-            job = ended(client, "ops")
-            until(lambda: delivered(client, job), 60)
+        yield mails, f"mailto://127.0.0.1:{server.port}?{who}"
     finally:
         server.stop()
+
+
+def test_a_mail_says_what_ended_and_why(client: redis.Redis, redis_url: str) -> None:
+    with (
+        mailbox() as (mails, mail),
+        notifying(redis_url, Notes(Targets({"ops": mail}), "https://farm/")),
+    ):
+        job = ended(client, "ops")
+        until(lambda: delivered(client, job), 60)
     [came] = mails.came
     part = came.get_body(("plain", "html"))
     assert part is not None
@@ -127,25 +133,18 @@ def test_it_has_a_small_picture_where_there_is_one_and_the_service_takes_it(
     client: redis.Redis, redis_url: str, tmp_path: Path
 ) -> None:
     png, store = encode_png(np.full((6, 8, 3), 200, np.uint8)), Blobs(str(tmp_path / "blobs"))
-    mails = Mails()
-    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
-    server.start()
     file = tmp_path / "targets"
-    try:
-        with receiving() as receiver:
-            mail = f"mailto://127.0.0.1:{server.port}?from=a@b.example&to=c@d.example&mode=insecure"
-            file.write_text(f"mail {mail}\njson {by_json(receiver.url)}\n")
-            with module.notifying(Settings(redis_url=redis_url, notify_file=file), store):
-                job = StagedJob(client, notice={"targets": ["mail", "json"]})
-                job.commit(4)
-                job.picture(store, "thumbnail.png", png)
-                job.end()
-                job.finish()
-                bare = ended(client, "mail")  # it has lost its picture
-                until(lambda: delivered(client, bare), 60)
-                until(lambda: delivered(client, job), 60)
-    finally:
-        server.stop()
+    with receiving() as receiver, mailbox() as (mails, mail):
+        file.write_text(f"mail {mail}\njson {by_json(receiver.url)}\n")
+        with module.notifying(Settings(redis_url=redis_url, notify_file=file), store):
+            job = StagedJob(client, notice={"targets": ["mail", "json"]})
+            job.commit(4)
+            job.picture(store, "thumbnail.png", png)
+            job.end()
+            job.finish()
+            bare = ended(client, "mail")  # it has lost its picture
+            until(lambda: delivered(client, bare), 60)
+            until(lambda: delivered(client, job), 60)
     pictures = [
         [part.get_content() for part in mail.walk() if part.get_content_type() == "image/png"]
         for mail in mails.came
@@ -156,27 +155,19 @@ def test_it_has_a_small_picture_where_there_is_one_and_the_service_takes_it(
 
 
 def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
-    client: redis.Redis, redis_url: str
+    client: redis.Redis, redis_url: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    stream = io.StringIO()
-    handler = logging.StreamHandler(stream)
-    logging.getLogger().addHandler(handler)
     answers = lambda number, _: (500, {}) if number < 2 else OK  # noqa: E731
-    try:
-        with receiving(answers) as receiver:
-            targets = Targets({"ops": by_json(receiver.url)})
-            with notifying(redis_url, Notes(targets)):
-                job = ended(client, "ops")
-                until(lambda: delivered(client, job), 60)
-    finally:
-        logging.getLogger().removeHandler(handler)
-    assert (
-        "`plateau doctor --notify ops` on this machine says why; try 2 follows" in stream.getvalue()
-    )
+    with receiving(answers) as receiver:
+        targets = Targets({"ops": by_json(receiver.url)})
+        with notifying(redis_url, Notes(targets)):
+            job = ended(client, "ops")
+            until(lambda: delivered(client, job), 60)
+    assert "`plateau doctor --notify ops` on this machine says why; try 2 follows" in caplog.text
     told = json.loads(receiver.received[1].body)
     assert told["title"] == "box converged"
     assert PATH in receiver.received[1].path
-    assert PATH not in stream.getvalue() + Jobs(client).get(job.id).model_dump_json()
+    assert PATH not in caplog.text + Jobs(client).get(job.id).model_dump_json()
 
 
 def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(

@@ -15,34 +15,22 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.notify_targets import BadTargets, Targets, read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.service.monitor.notifier import troubles as module
 from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
+from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.farm.ledger.test_workers import about
-from tests.service.monitor.notifier.test_notes import Mails, SmtpServer, by_json
+from tests.service.monitor.notifier.test_notes import Mails, by_json, mailbox
 from tests.support.farms.receiver import OK, receiving
 from tests.support.until import until
 
 
 @pytest.fixture
 def mails() -> Iterator[tuple[Mails, Targets]]:
-    """A mailbox, and the target that reaches it."""
-    mails = Mails()
-    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
-    server.start()
-    mail = f"mailto://127.0.0.1:{server.port}?from=farm@studio.example&to=ops@studio.example"
-    try:
-        yield mails, Targets({"ops": f"{mail}&mode=insecure"}, troubles=("ops",))
-    finally:
-        server.stop()
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Blobs:
-    return Blobs(str(tmp_path / "blobs"))
+    with mailbox() as (mails, mail):
+        yield mails, Targets({"ops": mail}, troubles=("ops",))
 
 
 def texts(mails: Mails) -> list[str]:
@@ -61,7 +49,7 @@ def test_each_trouble_is_told_once_until_it_is_over(
     box, targets = mails
     teller = Teller(client, store, targets, 0.0, "https://farm/")
     lives(client)
-    teller.look()
+    teller.check()
     assert box.came == []
     # Given jobs that no worker can render
     jobs = Jobs(client)
@@ -69,7 +57,7 @@ def test_each_trouble_is_told_once_until_it_is_over(
         jobs.create(JobSpec(requires=("gpu",)), name="box", scene_sha256="00").job for _ in range(2)
     ]
     for _ in range(3):
-        teller.look()
+        teller.check()
     [told] = texts(box)
     assert f"job box ({made[0].id}) waits for a worker with tags gpu" in told
     assert "it is one of 2" in told
@@ -80,10 +68,10 @@ def test_each_trouble_is_told_once_until_it_is_over(
     )
     # Once such a worker lives it is over, and the same trouble is news again
     lives(client, "noise-2", tags=("gpu",))
-    teller.look()
+    teller.check()
     lives(client, "noise-2", tags=("gpu",), trouble="it has no variant")
-    teller.look()
-    teller.look()
+    teller.check()
+    teller.check()
     told = "\n".join(texts(box)[1:])
     assert len(box.came) == 3
     assert "worker noise-2 takes no work: it has no variant" in told
@@ -96,11 +84,11 @@ def test_a_worker_that_fails_again_and_again(
     box, targets = mails
     teller = Teller(client, store, targets, 0.0)
     lives(client, last_error="slice 3: SIGSEGV", failures=2)
-    teller.look()
+    teller.check()
     assert box.came == []
     lives(client, last_error="slice 3: SIGSEGV", failures=3)
-    teller.look()
-    teller.look()
+    teller.check()
+    teller.check()
     [worker] = texts(box)
     assert "failed 3 times in a row, at last so: slice 3: SIGSEGV" in worker
 
@@ -114,24 +102,24 @@ def test_a_store_that_takes_nothing_is_told_by_the_machine_that_sees_it(
 ) -> None:
     box, targets = mails
     teller = Teller(client, store, targets, 0.0)
-    teller.look()
+    teller.check()
     assert store.names("") == []  # its probe is gone
     # Given a disk on which nothing can be written
     folder = tmp_path / "blobs"
     folder.rename(tmp_path / "away")
     folder.write_text("no folder")
-    teller.look()
+    teller.check()
     # Another machine, which sees no trouble, does not end this one's
     monkeypatch.setattr(troubles.socket, "gethostname", lambda: "elsewhere")
-    Teller(client, Blobs(str(tmp_path / "away")), targets, 0.0).look()
+    Teller(client, Blobs(str(tmp_path / "away")), targets, 0.0).check()
     monkeypatch.undo()
-    teller.look()
+    teller.check()
     [told] = texts(box)
     assert "cannot write into the blob store" in told
     # When it is over
     folder.unlink()
     (tmp_path / "away").rename(folder)
-    teller.look()
+    teller.check()
     assert client.hlen(keys.TROUBLES) == 0
 
 
@@ -142,17 +130,17 @@ def test_it_must_last_and_is_told_again_where_that_failed(
     answers = lambda number, _: (500, {}) if number < 2 else OK  # noqa: E731
     with receiving(answers) as receiver:
         targets = Targets({"ops": by_json(receiver.url)}, troubles=("ops",))
-        Teller(client, store, targets, 60.0).look()
+        Teller(client, store, targets, 60.0).check()
         assert receiver.received == []
         one, other = (Teller(client, store, targets, 0.0, lease_s=60) for _ in range(2))
-        one.look()
+        one.check()
         # While one monitor may still tell it, another does not
-        other.look()
+        other.check()
         assert len(receiver.received) == 1
         late = Teller(client, store, targets, 0.0, lease_s=0.0)
         client.delete(keys.TROUBLES)
-        late.look()
-        late.look()
+        late.check()
+        late.check()
         assert len(receiver.received) == 2
     assert b"there is none that takes work" in receiver.received[1].body
 
@@ -167,15 +155,15 @@ def test_without_redis_each_monitor_tells_by_its_own_memory(
 ) -> None:
     box, targets = mails
     gone = connect("redis://127.0.0.1:1/0")
-    teller = Teller(gone, store, targets, 0.0, look_s=0.01)
+    teller = Teller(gone, store, targets, 0.0, poll_s=0.01)
     with running(teller):
         until(lambda: box.came)
         with pytest.raises(StoreUnavailable):
-            teller.look()
+            teller.check()
     assert "Redis cannot be used" in texts(box)[0]
     assert len(box.came) == 1
     # And a monitor does so by its settings
-    monkeypatch.setattr(module, "_LOOK_S", 0.01)
+    monkeypatch.setattr(module, "_POLL_S", 0.01)
     file = tmp_path / "targets"
     file.write_text(f"ops {targets.urls['ops']}\n")
     settings = Settings(

@@ -1,0 +1,98 @@
+"""What Redis has of one job: its curve, events, results, plan, and the log of its slices."""
+
+from typing import Any
+
+from plateau.farm.blobs import names as blobs
+from plateau.farm.ledger import records
+from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
+from plateau.farm.ledger.slice_log import slice_log
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
+from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
+from plateau.farm.redis.link import unavailable_as_farm_error
+
+
+class JobReads:
+    """Reads of a job. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: RedisClient) -> None:
+        self._redis = client
+
+    def curve(self, job_id: str) -> list[CurvePoint]:
+        """The points of the job's curve, by rising spp."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "curve"))
+        return [records.curve_point(fields["point"], fields["at"]) for _, fields in entries]
+
+    def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
+        """The job's events after the event `after`."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
+        return [records.event(event_id, fields) for event_id, fields in entries]
+
+    def story(self, job_id: str) -> tuple[str, ...]:
+        """Each transition of the job in words, with its time and its cause."""
+        return tuple(
+            f"{happening.at:%Y-%m-%d %H:%M:%S} {happening.data['to']}: {happening.data['reason']}"
+            for happening in self.events(job_id)
+            if happening.type == "state"
+        )
+
+    def results(self, job_id: str) -> str:
+        """The blob prefix of the job's last results; "" where it has none yet."""
+        with unavailable_as_farm_error():
+            return self._redis.hget(keys.job(job_id), "results") or ""
+
+    def sha256(self, blob: str) -> str | None:
+        """The SHA-256 of a job's result or preview; None where the blob went."""
+        job_id, name = blobs.in_job(blob)
+        with unavailable_as_farm_error():
+            sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
+        return sha256
+
+    def checkpoint(self, job_id: str) -> Checkpoint | None:
+        """The job's last checkpoint, if it is kept."""
+        return checkpoint_of(self._redis, job_id)
+
+    def plan(self, job: Job) -> Plan:
+        """What each slice of the job has, as far as it is decided."""
+        stored: list[str] = []
+        if job.spec.by_zones:
+            with unavailable_as_farm_error():
+                stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
+        has_looks = job.spec.is_denoised and not job.spec.by_zones
+        points = self.curve(job.id) if has_looks else []
+        return Plan.of(
+            job.spec,
+            job.width,
+            job.height,
+            map(Round.from_json, stored),
+            [(point.spp, point.expected_spp) for point in points],
+        )
+
+    def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
+        """Each committed slice's record, by index, in order."""
+        with unavailable_as_farm_error():
+            return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
+
+    def log(self, job_id: str) -> list[LogEntry]:
+        """How each try of a slice ended, by time: the newest 2000 or so with a log entry."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hgetall(keys.job(job_id, "ledger"))
+            entries, committed = pipe.execute()
+        return slice_log((fields for _, fields in entries), records.ledger(committed))
+
+    def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
+        """One slice's record in the ledger, if it has one, and how each try of it ended."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hget(keys.job(job_id, "ledger"), str(index))
+            entries, record = pipe.execute()
+        ledger = records.ledger({} if record is None else {str(index): record})
+        written = (fields for _, fields in entries if fields["slice"] == str(index))
+        return ledger.get(index), slice_log(written, ledger)

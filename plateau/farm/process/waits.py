@@ -1,0 +1,66 @@
+"""Waits: until the order to stop, which also ends one on sockets, and between two tries."""
+
+import math
+import os
+import random
+import select
+import threading
+import weakref
+from typing import Protocol
+
+
+class Readable(Protocol):
+    """A socket, or a `Stop`."""
+
+    def fileno(self) -> int:
+        """The file descriptor to poll."""
+
+
+class Stop(threading.Event):
+    """An event that is set once, and from then on is readable for `select.poll`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._readable, self._writable = os.pipe()
+        for descriptor in (self._readable, self._writable):
+            weakref.finalize(self, os.close, descriptor)
+
+    def set(self) -> None:
+        """Give the order."""
+        if not self.is_set():
+            os.write(self._writable, b"\0")
+        super().set()
+
+    def fileno(self) -> int:
+        """The file descriptor to poll."""
+        return self._readable
+
+
+def await_any(*readable: Readable, timeout_s: float | None = None) -> None:
+    """Wait until one of them is readable, or for `timeout_s`."""
+    poll = select.poll()
+    for one in readable:
+        poll.register(one, select.POLLIN)
+    poll.poll(None if timeout_s is None else math.ceil(max(0.0, timeout_s) * 1000))
+
+
+class Backoff:
+    """Delays between tries while a service is away, that double from `first_s` up to `longest_s`.
+
+    A jitter of half spreads each delay, so that a farm's processes do not retry at once.
+    """
+
+    def __init__(self, first_s: float, longest_s: float) -> None:
+        self._first_s = first_s
+        self._longest_s = longest_s
+        self._next_s = first_s
+
+    def delay_s(self) -> float:
+        """The next delay in seconds; the one after it is twice as long."""
+        delay_s = self._next_s * random.uniform(0.5, 1.5)
+        self._next_s = min(2 * self._next_s, self._longest_s)
+        return delay_s
+
+    def reset(self) -> None:
+        """Begin again with the first delay, after a success."""
+        self._next_s = self._first_s

@@ -1,0 +1,287 @@
+"""Judges a job's merged image: by the rule that ends it and the rules it watches; and the curve."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
+from plateau.farm.model.spec import JobSpec
+from plateau.metric import (
+    Blend,
+    Estimate,
+    Evidence,
+    Forecast,
+    Memory,
+    Rule,
+    Verdict,
+    View,
+    create_rule,
+    focus_plane,
+)
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
+from plateau.picture.allotment import allotment
+from plateau.picture.denoised import Denoised
+from plateau.picture.merge import Merge
+from plateau.picture.point import (
+    of_curve,
+    of_denoising,
+    of_estimate,
+    of_forecast,
+    of_merge,
+    of_zones,
+)
+from plateau.picture.result_files import NoiseMaps, flaw_of
+from plateau.rules import CURVE, DEFAULT
+
+
+def warm_up() -> None:
+    """Compile the metric's kernels, or load them from their cache, before a job waits for them.
+
+    It takes some 10 s the first time on a machine, and less than 1 s later.
+    """
+    metric, image = CompiledVisibleDifferences(View()), np.zeros((16, 16, 3), np.float32)
+    reference = metric.percept(image)
+    for _ in range(COMPARISONS_BEFORE_KEEPING + 2):  # streamed, and then kept
+        metric.compare(reference, metric.percept(image))
+    metric.denoised(image, image)
+    eye = ColorVideoVDP(DISPLAYS["standard_fhd"])
+    eye.compare(eye.percept(image), eye.percept(image), heat=True)
+    frame = eye.video(24).percept(image)
+    eye.compare(frame, frame, heat=True)
+
+
+#: Rules that every job's judge evaluates, so that a continuation has their memory.
+REMEMBERED_ANYWAY: Final = (CURVE, DEFAULT)
+
+#: By what the noise left may be greater in a draft of an image than in the image itself.
+_DRAFT_MARGIN: Final = 1.25
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One evaluation: the point of the curve, and what the job's own rule said."""
+
+    point: dict[str, Any]
+    verdict: Verdict
+    #: The spp at which the job is likely to end, by this image and those before; None if unknown.
+    expected_spp: int | None
+    #: Why the image cannot be a result, whatever the rules say; None if it can.
+    flaw: str | None
+    #: The round that the image decides; None where the job is allocated by frame.
+    decided: Round | None = None
+
+
+class Judge:
+    """The rules of one job, with their memory.
+
+    The curve is that of the rule `reverse`, whatever rule ends the job. Unless the job names
+    `reverse`, the judge adds it with the paper's parameters. It adds `visible` in the same way,
+    for a job that continues this one.
+    """
+
+    def __init__(self, spec: JobSpec) -> None:
+        self._metric = CompiledVisibleDifferences(View(**spec.view.of_display()))
+        self._own = spec.rule.name
+        self._before: tuple[int, float] | None = None  # where its value was one evaluation ago
+        self._min_spp, self._step = spec.min_spp or 0, spec.step
+        self._rules: dict[str, Rule] = {
+            rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
+        }
+        self._shown = tuple(self._rules)
+        self._by_quality = spec.by_quality
+        self._zones = spec.zones
+        # Of the last evaluation, each with its spp
+        self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
+        self._noise_maps: tuple[int, NoiseMaps] | None = None
+        self._focus = spec.view.focus
+        self._target = spec.noise_target or create_rule(DEFAULT).noise_target
+        for name in REMEMBERED_ANYWAY:
+            if name not in self._rules:
+                self._rules[name] = create_rule(name)
+
+    def judge(
+        self, merge: Merge, plan: Plan | None = None, *, denoised: Denoised | None = None
+    ) -> Judgement:
+        """Evaluate every rule on the image; to be called once a point, by rising spp.
+
+        Parameters
+        ----------
+        merge
+            The merged image.
+        plan
+            Of the job; none is needed of a job that is allocated by frame.
+        denoised
+            The merged image denoised, if that is to be judged.
+        """
+        raw = self._evidence(merge)
+        evidence = raw if denoised is None else _of_denoised(raw, denoised)
+        verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        visible = verdicts[CURVE].visible
+        assert visible is not None  # it always judges a map
+        self._curve_map = (merge.spp, visible)
+        curve = of_curve(verdicts[CURVE])
+        flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
+        # An image that cannot be a result has no estimate, which would be one of its other pixels.
+        estimate = None if flaw else evidence.estimate
+        self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
+        forecast, decided = None, None
+        if self._target and not flaw:
+            chosen_by = _by_other_halves(evidence, merge, denoised)
+            if plan is not None and chosen_by is not None and merge.zone_spp is not None:
+                allotted = allotment(chosen_by, self._target, plan, merge.zone_spp)
+                decided, at = allotted.round, allotted.forecast_spp
+                forecast = Forecast(at, None, None)
+            else:
+                forecast = evidence.forecast(self._target)
+        point = {
+            **of_merge(merge),
+            **curve,
+            **of_estimate(estimate),
+            **({} if denoised is None or flaw else of_denoising(evidence, raw, self._target)),
+            **of_forecast(forecast),
+            # By the image alone, so that it does not depend on which monitor judged those before.
+            "expected_spp": self._expected_spp(forecast),
+            "zones": of_zones(visible, estimate, self._zones),
+            "rules": {
+                name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
+                for name in self._shown
+            },
+        }
+        own = verdicts[self._own]
+        expected = self._expected_spp(forecast, self._crossing(own, merge.spp))
+        return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
+
+    def _evidence(self, merge: Merge) -> Evidence:
+        image = merge.image()
+        focus = None if self._focus is None else focus_plane(self._focus, *image.shape[:2])
+        return Evidence(
+            spp=merge.spp,
+            image=image,
+            halves=merge.halves(),
+            metric=self._metric,
+            focus=focus,
+        )
+
+    def _expected_spp(
+        self, forecast: Forecast | None, crossing_spp: int | None = None
+    ) -> int | None:
+        """Return where the job is likely to end: see the rule's `expected_end_spp`."""
+        forecast_spp = None if forecast is None else forecast.spp
+        spp = self._rules[self._own].expected_end_spp(forecast_spp, crossing_spp)
+        return None if spp is None else max(spp, self._min_spp)
+
+    def _crossing(self, own: Verdict, spp: int) -> int | None:
+        """Return where the line through the last two values of the rule falls to its limit."""
+        before, self._before = self._before, None if own.value is None else (spp, own.value)
+        if before is None or own.value is None or own.limit is None:
+            return None
+        return _crossing(before, (spp, own.value), own.limit)
+
+    def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
+        """Return the rule's verdict, changed so that it ends no job before its `min_spp`."""
+        if not verdict.stop or not self._min_spp or spp - self._step >= self._min_spp:
+            return verdict
+        stop = spp >= self._min_spp
+        may = "could not end earlier" if stop else "cannot end yet"
+        return replace(
+            verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
+        )
+
+    def may_end(self, merge: Merge, draft: Denoised) -> bool:
+        """Return whether the image may end the job, by a draft of the image denoised.
+
+        The rule waits for noise. It is a function of the image.
+        """
+        evidence = _of_denoised(self._evidence(merge), draft)
+        estimate, rule = evidence.estimate, self._rules[self._own]
+        if flaw_of(evidence.image) or estimate is None:
+            return True
+        allowed = _DRAFT_MARGIN * evidence.allowed_pixels(rule.noise_target or 1.0)
+        is_enough = estimate.pixels <= allowed and estimate.is_determined(allowed)
+        return is_enough and merge.spp >= max(rule.least_spp, self._min_spp)
+
+    def visible_map(self, merge: Merge, blend: Blend | None = None) -> NDArray[np.bool_] | None:
+        """Return where the image differs visibly from the first image of the curve.
+
+        It is the merged image, or its blend with its denoised self.
+        """
+        if self._curve_map is not None and self._curve_map[0] == merge.spp:
+            return self._curve_map[1]
+        first = self._rules[CURVE].memory().images.get("first")
+        if first is None:
+            return None
+        image = merge.image() if blend is None else blend.seen
+        evidence = Evidence(spp=merge.spp, image=image, halves=None, metric=self._metric)
+        difference = self._metric.compare(self._metric.percept(first), evidence.percept)
+        return difference.visible & evidence.finite if difference.non_finite else difference.visible
+
+    def noise_maps(self, merge: Merge, denoised: Denoised | None = None) -> NoiseMaps:
+        """Return where noise is left to see in the merged image, or in the image denoised."""
+        if self._noise_maps is None or self._noise_maps[0] != merge.spp:
+            evidence = self._evidence(merge)
+            if denoised is not None:
+                evidence = _of_denoised(evidence, denoised)
+            estimate = None if flaw_of(evidence.image) else evidence.estimate
+            self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
+        return self._noise_maps[1]
+
+    def _maps_of(self, evidence: Evidence, estimate: Estimate | None) -> NoiseMaps:
+        if estimate is None:
+            return NoiseMaps()
+        quality = evidence.quality if self._by_quality else None
+        return NoiseMaps(estimate.visible, None if quality is None else quality.heat)
+
+    def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return the rules' memory for a checkpoint: numbers, and images by name."""
+        memories = {name: rule.memory() for name, rule in self._rules.items()}
+        numbers = {name: memory.numbers for name, memory in memories.items()}
+        images = {
+            f"{name}:{image}": pixels
+            for name, memory in memories.items()
+            for image, pixels in memory.images.items()
+        }
+        return numbers, images
+
+    def recall(self, numbers: dict[str, Any], images: dict[str, NDArray[Any]]) -> None:
+        """Restore what `memory` returned; a rule that it does not name starts without memory."""
+        for name, rule in self._rules.items():
+            if name not in numbers:
+                continue
+            own = {
+                image.removeprefix(f"{name}:"): pixels
+                for image, pixels in images.items()
+                if image.startswith(f"{name}:")
+            }
+            rule.recall(Memory(numbers[name], own))
+
+
+def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
+    return replace(raw, image=denoised.blend.seen, error=denoised.error)
+
+
+def _by_other_halves(
+    evidence: Evidence, merge: Merge, denoised: Denoised | None
+) -> Evidence | None:
+    """Return the evidence by which zones are chosen; None of whole frames, and without halves."""
+    if merge.zone_spp is None:
+        return None
+    if denoised is not None:
+        return replace(evidence, error=denoised.others) if denoised.others else None
+    halves = merge.other_halves()
+    return replace(evidence, halves=halves) if halves else None
+
+
+def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:
+    """Return the spp at which the line through two values falls to the limit; None if it rises."""
+    (earlier, higher), (spp, value) = before, now
+    if value <= limit:
+        return spp
+    if value >= higher:
+        return None
+    return math.ceil(spp + (spp - earlier) * (value - limit) / (higher - value))

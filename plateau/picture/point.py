@@ -1,0 +1,72 @@
+"""The fields of a point of the curve, as `plateau.farm.model.job.CurvePoint` has them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plateau.metric import Estimate, Evidence, Forecast, Verdict, zone_fractions
+from plateau.picture.merge import Merge
+
+
+def of_merge(merge: Merge) -> dict[str, object]:
+    """Return how many samples there are."""
+    spp = merge.spp_range
+    zones = {} if spp is None else {"spp_min": spp[0], "spp_max": spp[1]}
+    return {"spp": merge.spp, "samples": merge.samples, **zones}
+
+
+def of_curve(reverse: Verdict) -> dict[str, object]:
+    """Return what has changed visibly since the first image."""
+    numbers = reverse.numbers
+    return {
+        "visible_pixels": int(numbers["visible_pixels"] or 0),
+        "visible_fraction": numbers["visible_fraction"],
+        "slope": numbers["slope"],
+        "non_finite_pixels": int(numbers["non_finite_pixels"] or 0),
+    }
+
+
+def of_estimate(estimate: Estimate | None) -> dict[str, object]:
+    """Return the noise left."""
+    if estimate is None:
+        return {"estimate_pixels": None, "estimate_fraction": None}
+    return {
+        "estimate_pixels": estimate.pixels,
+        "estimate_fraction": estimate.fraction,
+        "estimate_low_pixels": estimate.low_pixels,
+        "estimate_high_pixels": estimate.high_pixels,
+    }
+
+
+def of_denoising(evidence: Evidence, raw: Evidence, target: float | None) -> dict[str, object]:
+    """Return what the evidence of a denoised image has beside the estimate."""
+    if evidence.estimate is None or raw.estimate is None:
+        return {}
+    allowed = evidence.allowed_pixels(target) if target else 0.0
+    return {
+        "estimate_undetermined": not evidence.estimate.is_determined(allowed),
+        "raw_estimate_pixels": raw.estimate.pixels,
+        "raw_estimate_fraction": raw.estimate.fraction,
+    }
+
+
+def of_forecast(forecast: Forecast | None) -> dict[str, object]:
+    """Return where hardly any noise will be left."""
+    if forecast is None:
+        return {}
+    return {
+        "forecast_spp": forecast.spp,
+        "forecast_low_spp": forecast.low_spp,
+        "forecast_high_spp": forecast.high_spp,
+    }
+
+
+def of_zones(
+    visible: NDArray[np.bool_], estimate: Estimate | None, zones: tuple[int, int]
+) -> dict[str, object]:
+    """Return the share of each zone's pixels that has changed, and that has noise left."""
+    return {
+        "visible_fraction": zone_fractions(visible, zones).tolist(),
+        "estimate_fraction": None
+        if estimate is None
+        else zone_fractions(estimate.visible, zones).tolist(),
+    }

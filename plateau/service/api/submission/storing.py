@@ -1,0 +1,134 @@
+"""Stores the scene of a submission, once it is checked and within the key's quota."""
+
+import hashlib
+import os
+import re
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, BinaryIO, Final
+
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
+from starlette.exceptions import HTTPException
+
+from plateau.farm.blobs import names as blob_names
+from plateau.farm.bundle import SceneSummary
+from plateau.farm.bundle.placed import LIST_NAME
+from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.service.api.access.callers import Caller, CallerOf
+from plateau.service.api.parts import Farm, Parts
+from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.problem import Problem
+from plateau.service.api.scene_checks.pool import Gone, Slot, TooManyChecks
+from plateau.service.api.scene_checks.process import CheckEnded
+from plateau.service.api.submission.checking import checked, different
+from plateau.service.api.submission.reading import Submission, submission
+from plateau.service.api.submission.scene_parts import Scene, ScenePath, opened, placed_file
+
+_MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
+_CHUNK_BYTES: Final = 1 << 20
+
+
+@dataclass(frozen=True)
+class StoredScene:
+    """A scene that passed the check and is stored."""
+
+    sha256: str  #: of the uploaded file, or of the bundle that names a scene's files
+    name: str
+    bytes: int  #: size of that file
+    summary: SceneSummary
+
+
+async def stored_scene(
+    request: Request, asked: Annotated[Submission, Depends(submission)], farm: Farm, who: CallerOf
+) -> StoredScene:
+    """The scene that a request contains or names, checked with the spec's values, and stored.
+
+    A sweep spares it for at least an hour. Few scenes are fetched, hashed and checked at a time.
+    """
+    try:
+        if isinstance(asked.scene, ScenePath):
+            values = [one.parameter_strings() for one in different(asked.spec).values()]
+            with await placed_file(asked.scene, values, request, farm) as file:
+                async with farm.checks.slot(request.is_disconnected) as slot:
+                    return await _checked_and_stored(slot, file, asked, farm, who)
+        async with farm.checks.slot(request.is_disconnected) as slot:
+            with await run_in_threadpool(opened, asked.scene, farm) as file:
+                return await _checked_and_stored(slot, file, asked, farm, who)
+    except (TooManyChecks, CheckEnded) as error:
+        raise Problem(problems.BUSY) from error
+    except Gone:
+        raise HTTPException(problems.CLIENT_GONE) from None
+
+
+async def _checked_and_stored(
+    slot: Slot, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
+) -> StoredScene:
+    sha256 = await run_in_threadpool(_sha256, file)
+    if isinstance(asked.scene, str) and sha256 != asked.scene:
+        blob = blob_names.scene(asked.scene)
+        raise Problem(problems.DAMAGED_SCENE, sha256=asked.scene, blob=blob)
+    summary = await checked(slot, file, asked.spec)
+    if summary.roots and isinstance(asked.scene, UploadFile):
+        raise Problem(problems.MADE_UP_LIST, name=LIST_NAME, code="entry-name")
+    store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
+    return await run_in_threadpool(store)
+
+
+def _stored(
+    scene: Scene,
+    sha256: str,
+    file: BinaryIO,
+    summary: SceneSummary,
+    farm: Parts,
+    who: Caller,
+) -> StoredScene:
+    """Put the file into the blob store, unless it is there already."""
+    size = os.fstat(file.fileno()).st_size
+    file.seek(0)  # the check has moved it
+    if isinstance(scene, str):
+        names = (known["name"] for known in farm.scenes.all() if known["sha256"] == sha256)
+        return StoredScene(sha256, next(names, sha256[:12]), size, summary)
+    _check_quota(sha256, size, farm.scenes, who)
+    farm.scenes.use(sha256)
+    farm.blobs.put_once(blob_names.scene(sha256), file, size)
+    name = _clean_name(scene.name if isinstance(scene, ScenePath) else scene.filename)
+    known = {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
+    farm.scenes.remember(sha256, {**known, "owner": who.id})
+    return StoredScene(sha256, name, size, summary)
+
+
+def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> None:
+    """Refuse a scene that exceeds the key's quota.
+
+    A scene that is stored already does not count. Concurrent uploads may together exceed the quota,
+    but few are stored at a time.
+    """
+    most = None if who.key is None else who.key.limits.scenes_bytes
+    if most is None or scenes.has(sha256):
+        return
+    stored = scenes.bytes_of(who.id)
+    if stored + size > most:
+        raise Problem(
+            problems.TOO_MANY_SCENES,
+            key=who.name,
+            size=size,
+            stored_bytes=stored,
+            limit_bytes=most,
+        )
+
+
+def _sha256(file: BinaryIO) -> str:
+    digest = hashlib.sha256()
+    file.seek(0)
+    while chunk := file.read(_CHUNK_BYTES):
+        digest.update(chunk)
+    file.seek(0)
+    return digest.hexdigest()
+
+
+def _clean_name(filename: str | None) -> str:
+    """The upload's file name without folders and unprintable characters."""
+    last = re.split(r"[/\\]", filename or "")[-1]
+    return "".join(letter for letter in last if letter.isprintable())[:_MAX_NAME] or "scene"

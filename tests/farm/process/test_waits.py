@@ -1,0 +1,62 @@
+"""The order to stop: an event, and something to poll."""
+
+import gc
+import os
+import select
+import threading
+
+import pytest
+
+from plateau.farm.process.waits import Backoff, Stop
+
+
+def _is_readable(stop: Stop, timeout_ms: int) -> bool:
+    poll = select.poll()
+    poll.register(stop, select.POLLIN)
+    return bool(poll.poll(timeout_ms))
+
+
+def test_it_is_readable_once_it_is_set() -> None:
+    stop = Stop()
+    assert not stop.is_set()
+    assert not _is_readable(stop, 0)
+    threading.Timer(0.1, stop.set).start()
+    assert _is_readable(stop, 30_000)
+    assert stop.wait(30)
+
+
+def test_it_stays_readable_for_all_who_poll_it_however_often_it_is_set() -> None:
+    stop = Stop()
+    for _ in range(100_000):  # more than a pipe holds
+        stop.set()
+    assert all(_is_readable(stop, 0) for _ in range(3))
+
+
+def test_nothing_of_it_is_left_open() -> None:
+    stop = Stop()
+    descriptor = stop.fileno()
+    os.fstat(descriptor)
+    del stop
+    gc.collect()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)
+
+
+def test_waits_double_up_to_the_longest_each_spread_by_half() -> None:
+    backoff = Backoff(1.0, 4.0)
+    for unspread in (1.0, 2.0, 4.0, 4.0):
+        assert unspread / 2 <= backoff.delay_s() <= 1.5 * unspread
+    backoff.reset()
+    assert backoff.delay_s() <= 1.5
+
+
+def test_many_that_begin_together_do_not_come_back_together() -> None:
+    # Uniform over [0.5, 1.5]: that a hundred lie within a quarter has a chance below 1e-56
+    waits = [Backoff(1.0, 4.0).delay_s() for _ in range(100)]
+    assert max(waits) - min(waits) > 0.25
+
+
+@pytest.mark.parametrize("times", [1, 50])
+def test_no_wait_is_longer_than_the_longest_and_a_half(times: int) -> None:
+    backoff = Backoff(0.25, 5.0)
+    assert max(backoff.delay_s() for _ in range(times)) <= 7.5
