@@ -18,8 +18,8 @@ from plateau.farm.model.states import JobState
 from plateau.files.frames import each, from_file
 from plateau.files.packing import pack
 from plateau.terminal.batch_progress import batch_progress_on
-from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau as command
 from tests.support.scenes.bundles import PLY, mesh, scene
 from tests.support.until import until
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 import redis
 import typer
-from typer.testing import CliRunner
 
 from plateau import scenes
 from plateau.commands import app
@@ -20,16 +19,10 @@ from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.metric import View
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import mesh, scene
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
-
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command, run in this process."""
-    done = CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 @pytest.fixture

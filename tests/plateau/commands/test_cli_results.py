@@ -11,10 +11,8 @@ from pathlib import Path
 
 import pytest
 import redis
-from typer.testing import CliRunner
 
 from plateau.client import BadId, Client
-from plateau.commands import app
 from plateau.commands.listing import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
@@ -25,6 +23,7 @@ from plateau.farm.wire.job_text import share_of
 from plateau.service.api.process import listen
 from tests.farm.ledger.test_workers import about
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene
 
 
@@ -41,12 +40,6 @@ def job(client: redis.Redis) -> Iterator[StagedJob]:
     job.point(100, 5)
     job.point(200, 9, slope=0.5)
     return job
-
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 class TestCurve:

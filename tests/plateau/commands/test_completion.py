@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     """The lines that the completion of these words prints; the last one is the current one."""
     monkeypatch.setattr("gc.set_threshold", lambda _: None)  # this process lives on
     monkeypatch.setattr("atexit.register", lambda _: None)
+    monkeypatch.setattr("plateau.commands.standard_streams", nullcontext)  # pytest has them
     monkeypatch.setattr("sys.argv", ["plateau"])
     monkeypatch.chdir(tmp_path)
 
