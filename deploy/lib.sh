@@ -12,6 +12,19 @@ apt_install() {
   fi
 }
 
+fetch() {
+  # Runs what fetches packages; behind a proxy with a certificate of its own, says what to set.
+  local said status=0; said=$(mktemp)
+  "$@" 2>"$said" || status=$?
+  cat "$said" >&2
+  if [ $status != 0 ] && grep -qE 'UnknownIssuer|CERTIFICATE_VERIFY_FAILED' "$said"; then
+    say "a proxy here seems to have a certificate of its own: export SSL_CERT_FILE=/path/of/your/ca.pem," \
+        "or UV_SYSTEM_CERTS=true where the system knows it, and run this again."
+  fi
+  rm -f "$said"
+  return $status
+}
+
 find_libraries() {
   # What wheels need of the system, and slim images lack: plateau/worker/supervisor/needed_libraries.py has the list.
   local packages; packages=$(.venv/bin/python -m plateau.worker.supervisor.needed_libraries)

@@ -40,8 +40,8 @@ make_venv() {
     apt_install python3-venv
     "$python" -m venv --clear .venv
   fi
-  .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
-  .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[all,dev]'
+  fetch .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
+  fetch .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[all,dev]'
 }
 
 find_redis() {

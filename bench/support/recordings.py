@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -46,8 +45,7 @@ def cases(families: tuple[str, ...]) -> list[Case]:
     return [
         Case(f"{name.upper()} {number}", name, intensity, (2 * number - 2, 2 * number - 1))
         for name in families
-        for build in [import_module(f"plateau.scenes.{name}.build")]
-        for number, intensity in ((1, build.BRIGHT), (2, build.DIM))
+        for number, intensity in enumerate(scenes.LIGHTS[name], 1)
     ]
 
 

@@ -147,7 +147,6 @@ class AsyncClient:
     targets = _awaited(Client.targets)
     set_priority = _awaited(Client.set_priority)
     shot = _awaited(Client.shot)
-    slice_log = _awaited(Client.slice_log)
     slices = _awaited(Client.slices)
     submit = _awaited(Client.submit)
     submit_batch = _awaited(Client.submit_batch)

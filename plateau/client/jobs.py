@@ -10,7 +10,7 @@ from plateau.client.transport import Calls
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.wire.views import JobPage, JobView, Log, SliceLog, Slices, SliceView
+from plateau.farm.wire.views import JobPage, JobView, Log, Slices, SliceView
 from plateau.files.scene_at_hand import SceneAtHand
 
 #: The most that the service puts on one page.
@@ -251,19 +251,16 @@ class JobCalls(Calls):
         """The job's ledger: each committed slice, by index."""
         return self._transport.read(Slices, f"/v1/jobs/{job_id}/slices").slices
 
-    def log(self, job_id: str) -> list[LogEntry]:
-        """How each try of a slice of the job ended, by time."""
-        return self._transport.read(Log, f"/v1/jobs/{job_id}/log").entries
-
-    def slice_log(self, job_id: str, index: int) -> SliceLog:
-        """How each try of one slice ended, with the slice's entry in the ledger.
+    def log(self, job_id: str, *, index: int | None = None) -> list[LogEntry]:
+        """How each try of a slice of the job ended, or of that with this index, by time.
 
         Raises
         ------
         ApiError
             ``unknown-job``; ``unknown-slice`` if the index is beyond the job's cap.
         """
-        return self._transport.read(SliceLog, f"/v1/jobs/{job_id}/slices/{index}/log")
+        only = "" if index is None else f"?slice={index}"
+        return self._transport.read(Log, f"/v1/jobs/{job_id}/log{only}").entries
 
     def _steer(self, job_id: str, action: str) -> JobView:
         return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{action}")

@@ -18,6 +18,7 @@ from plateau.commands import keys, sweep, scale, redis_acl  # noqa: F401
 from plateau.commands.app import app
 from plateau.commands.options.bash_completion import completing_in_bash, with_whole_words
 from plateau.extensions import extensions
+from plateau.streams import standard_streams
 
 __all__ = ["app", "main", "meet_extensions"]
 
@@ -44,6 +45,11 @@ def meet_extensions(asked: str = "") -> None:
 
 def main() -> None:
     """Run the command line."""
+    with standard_streams():
+        _main()
+
+
+def _main() -> None:
     gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)  # no last collection: the process frees everything
     meet_extensions("".join(sys.argv[1:2]))

@@ -1,6 +1,5 @@
 """What every command shares: the application, the look of its help, the handling of errors."""
 
-import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -116,7 +115,6 @@ class Command(typer.core.TyperCommand):
         except KeyboardInterrupt:
             raise typer.Exit(ExitCode.INTERRUPTED) from None
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(ExitCode.FAILED) from None
         except typer.Exit:  # an exit code, not an error
             raise

@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -11,8 +10,8 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.printing import print_json
 from plateau.errors import CommandFailed
-from plateau.farm.wire import figures
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
@@ -52,13 +51,9 @@ def denoise(
     if out.resolve() in {image.resolve() for image in images}:
         raise CommandFailed(f"-o {out} would overwrite an image that is read")
 
-    import numpy as np
-
-    from plateau.metric import View, allowed_non_finite, non_finite_pixels
-    from plateau.picture.denoised import DenoisingTask, guides_in
+    from plateau.files.job_folder import whole
+    from plateau.metric import View
     from plateau.picture.denoising import oidn
-    from plateau.picture.denoising.child import Denoiser
-    from plateau.picture.independence import Independence
 
     if not oidn.is_installed():
         raise CommandFailed(oidn.MISSING)
@@ -68,6 +63,25 @@ def denoise(
         )
     except ValueError as error:
         raise CommandFailed(str(error)) from error
+    try:
+        with whole(out) as unfinished:
+            _denoise(images, out, unfinished, shown, as_json=as_json)
+    except OSError as error:
+        raise CommandFailed(f"{out}: {error.strerror or error}") from error
+
+
+def _denoise(
+    images: Sequence[Path], out: Path, unfinished: Path, shown: "View", *, as_json: bool
+) -> None:
+    import numpy as np
+
+    from plateau.farm.images.exr import encode_layers
+    from plateau.farm.wire import figures
+    from plateau.metric import allowed_non_finite, non_finite_pixels
+    from plateau.picture.denoised import DenoisingTask, guides_in, layers_of
+    from plateau.picture.denoising.child import Denoiser
+    from plateau.picture.independence import Independence
+
     read = [_read(path) for path in images]
     sizes = {one.colour.shape[:2] for one in read}
     if len(sizes) > 1:
@@ -88,11 +102,12 @@ def denoise(
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
-    _write(out, found, mean, read[0].place)
+    attributes = {"plateau:denoiser": found.denoiser, **read[0].place}
+    unfinished.write_bytes(encode_layers(layers_of(found.blend, mean), attributes))
     left = _noise_left(found, shown)
     if as_json:
         about = {"denoiser": found.denoiser, "guides": bool(guides)}
-        print(json.dumps({**about, **left, "non_finite_pixels": non_finite_pixels(mean).count}))
+        print_json({**about, **left, "non_finite_pixels": non_finite_pixels(mean).count})
         return
     print(f"{out}: {found.denoiser}")
     pixels, share = figures.pixels(left["pixels"]), figures.percent(left["fraction"])
@@ -138,18 +153,6 @@ def _read(path: Path) -> _Image:
         raise CommandFailed(f"{path}: {error.strerror or error}") from error
     except ValueError as error:
         raise CommandFailed(f"{path}: {' '.join(str(error).split())}") from error
-
-
-def _write(out: Path, found: "Denoised", mean: "Pixels", place: dict[str, Any]) -> None:
-    from plateau.farm.images.exr import encode_layers
-    from plateau.picture.denoised import layers_of
-
-    about = {"plateau:denoiser": found.denoiser, **place}
-    content = encode_layers(layers_of(found.blend, mean), about)
-    try:
-        out.write_bytes(content)
-    except OSError as error:
-        raise CommandFailed(f"{out}: {error.strerror or error}") from error
 
 
 def _noise_left(found: "Denoised", view: "View") -> dict[str, Any]:

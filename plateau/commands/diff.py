@@ -1,8 +1,8 @@
 """`plateau diff`: the visible differences between two images."""
 
-import json
 import re
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -11,6 +11,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.options.spec_fields import view_of_place
+from plateau.commands.printing import print_json
 from plateau.errors import ExitCode, tell
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ def diff(
     Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
     over black. The exit code is 0 whatever the count, and 2 if the images cannot be compared.
     """
+    from plateau.files.job_folder import whole
     from plateau.metric import View
     from plateau.picture.diff import CannotCompare, compare_files
 
@@ -128,23 +130,29 @@ def diff(
         for option, file in (("--map", map_file), ("--heat", heat)):
             if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
                 raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
-        comparison = compare_files(
-            reference,
-            test,
-            shown,
-            gamma=gamma,
-            layer=layer,
-            seen_from=seen_from,
-            jod=jod or heat is not None,
-        )
+        with ExitStack() as stack:
+            made = [file and stack.enter_context(whole(file)) for file in (map_file, heat)]
+            comparison = compare_files(
+                reference,
+                test,
+                shown,
+                gamma=gamma,
+                layer=layer,
+                seen_from=seen_from,
+                jod=jod or heat is not None,
+            )
+            for file, write in zip(
+                made, (comparison.write_map, comparison.write_heat), strict=True
+            ):
+                if file is not None:
+                    write(file)
     except CannotCompare as error:
         tell(str(error))
         raise typer.Exit(ExitCode.USAGE) from None
-    if map_file is not None:
-        comparison.write_map(map_file)
-    if heat is not None:
-        comparison.write_heat(heat)
-    print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
+    if as_json:
+        print_json(comparison.as_json())
+    else:
+        print(comparison.in_words())
 
 
 def _seen_from(

@@ -1,6 +1,5 @@
 """`plateau fetch`: the results of a job, running or ended."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.printing import print_json
 
 
 @app.command()
@@ -30,11 +30,14 @@ def fetch(
     other files are not. --json prints the summary. Over HTTP, GET /v1/jobs/ID/results.zip has all
     but slices in one file.
     """
-    from plateau.files.out_folder import make_ready
+    from plateau.files.out_folder import ready
     from plateau.rendering.outputs import write_results
 
     with connect(url) as client:
         job = client.job(client.whole_id(job_id))
-        make_ready(out)
-        about = write_results(client, job, out)
-    print(json.dumps(about, indent=2) if as_json else "\n".join(about["files"]))
+        with ready(out):
+            about = write_results(client, job, out)
+    if as_json:
+        print_json(about)
+    else:
+        print("\n".join(about["files"]))

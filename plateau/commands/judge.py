@@ -1,5 +1,6 @@
 """`plateau judge`: applies rules and a view to images that are already rendered."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,27 +47,30 @@ def judge(
       plateau judge frames --slice-spp 20 --step 40 --white-luminance 300
     """
     from plateau.farm.wire.job_text import row
-    from plateau.files.job_folder import owner
+    from plateau.files.job_folder import owner, whole
     from plateau.files.out_folder import make
     from plateau.picture.series import BrokenSeries, CannotJudge, find_series, judge_series
 
-    if out is not None:
-        make(out)
-        if (job := owner(out)) is not None:
-            raise CommandFailed(
-                f"{out} has the results and the curve of job {job}: give another folder with -o"
-            )
-    image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
-    series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
-    try:
-        judged = judge_series(series, spec)
-    except BrokenSeries as broken:
-        if out is None:
-            raise CannotJudge(f"{broken}; -o DIR writes non-finite.png there") from None
-        (out / "non-finite.png").write_bytes(broken.picture)
-        raise
-    if out is not None:
-        _write(judged, spec, out)
+    with ExitStack() as stack:
+        if out is not None:
+            make(out)
+            if (job := owner(out)) is not None:
+                raise CommandFailed(
+                    f"{out} has the results and the curve of job {job}: give another folder with -o"
+                )
+            files = [stack.enter_context(whole(out / f"curve.{kind}")) for kind in ("csv", "svg")]
+        image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
+        series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
+        try:
+            judged = judge_series(series, spec)
+        except BrokenSeries as broken:
+            if out is None:
+                raise CannotJudge(f"{broken}; -o DIR writes non-finite.png there") from None
+            with whole(out / "non-finite.png") as file:
+                file.write_bytes(broken.picture)
+            raise
+        if out is not None:
+            _write(judged, spec, *files)
     if as_json:
         curve = [point.model_dump(mode="json", exclude={"at"}) for point in judged.points]
         print_json({"stops": judged.stops, "curve": curve})
@@ -79,11 +83,11 @@ def judge(
         print(row(name, when))
 
 
-def _write(judged: "Judged", spec: "JobSpec", out: Path) -> None:
+def _write(judged: "Judged", spec: "JobSpec", table: Path, drawing: Path) -> None:
     from plateau.farm.wire.curve_csv import curve_csv
     from plateau.farm.wire.curve_svg import curve_svg
     from plateau.farm.wire.report import STYLE
 
-    (out / "curve.csv").write_text(curve_csv(judged.points))
-    pixels = judged.width * judged.height
-    (out / "curve.svg").write_text(curve_svg(spec, pixels, judged.points, style=STYLE))
+    table.write_text(curve_csv(judged.points), encoding="utf-8")
+    drawn = curve_svg(spec, judged.width * judged.height, judged.points, style=STYLE)
+    drawing.write_text(drawn, encoding="utf-8")

@@ -1,6 +1,5 @@
 """`plateau keys`: API keys, in the farm's Redis itself, so an operator needs no API key."""
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -53,41 +52,24 @@ def create(
         ),
     ] = "submitter",
     requests_per_minute: Annotated[
-        float | None,
-        typer.Option(
-            help="Requests a minute that it may make.",
-            show_default="PLATEAU_KEY_REQUESTS_PER_MINUTE",
-        ),
-    ] = None,
+        float, typer.Option(help="Requests a minute that it may make.")
+    ] = 1200.0,
     burst: Annotated[
-        int | None,
-        typer.Option(
-            help="Requests that it may make at once, after a pause.",
-            show_default="PLATEAU_KEY_BURST",
-        ),
-    ] = None,
+        int, typer.Option(help="Requests that it may make at once, after a pause.")
+    ] = 200,
     upload_gb: Annotated[
         float | None,
         typer.Option(
             help="Largest scene that it may upload, in GB.",
-            show_default="PLATEAU_KEY_UPLOAD_GB",
+            show_default="PLATEAU_MAX_UPLOAD_GB",
             max=2**20,
         ),
     ] = None,
     scenes_gb: Annotated[
-        float | None,
-        typer.Option(
-            help="Total size of the scenes that it may store, in GB.",
-            show_default="PLATEAU_KEY_SCENES_GB",
-            max=2**30,
-        ),
-    ] = None,
-    open_jobs: Annotated[
-        int | None,
-        typer.Option(
-            help="Jobs that it may have open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
-        ),
-    ] = None,
+        float,
+        typer.Option(help="Total size of the scenes that it may store, in GB.", max=2**30),
+    ] = 50.0,
+    open_jobs: Annotated[int, typer.Option(help="Jobs that it may have open at once.")] = 10_000,
     key_from: Annotated[
         Path | None,
         typer.Option(
@@ -147,7 +129,7 @@ def list_keys(as_json: o.Json = False) -> None:
     with _keys() as keys:
         found, used = keys.all(), keys.last_used()
     if as_json:
-        print(json.dumps([_document(key, used.get(key.id)) for key in found], indent=2))
+        print_json([_document(key, used.get(key.id)) for key in found])
     else:
         print_rows(
             _COLUMNS,
@@ -256,18 +238,12 @@ def _role(name: str) -> "Role":
 
 
 def _limits(**given: float | None) -> "KeyLimits":
-    """The given limits; those of the settings in place of None."""
     from pydantic import ValidationError
 
     from plateau.farm.ledger.api_keys import KeyLimits
     from plateau.farm.model import input_errors
-    from plateau.processes.read_settings import farm_settings
 
-    settings = farm_settings()
-    asked = {
-        name: getattr(settings, f"key_{name}") if value is None else value
-        for name, value in given.items()
-    }
+    asked: dict[str, Any] = dict(given)
     for name in ("upload", "scenes"):
         gigabytes = asked.pop(f"{name}_gb")
         asked[f"{name}_bytes"] = None if gigabytes is None else round(gigabytes * 2**30)
@@ -283,7 +259,10 @@ def _limits(**given: float | None) -> "KeyLimits":
 
 
 def _show(key: "ApiKey", shown: str, *, as_json: bool) -> None:
-    print(json.dumps({**_document(key, None), "key": shown}, indent=2) if as_json else shown)
+    if as_json:
+        print_json({**_document(key, None), "key": shown})
+    else:
+        print(shown)
 
 
 def _document(key: "ApiKey", last_used: datetime | None) -> dict[str, Any]:

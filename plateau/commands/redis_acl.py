@@ -2,7 +2,6 @@
 
 import os
 import re
-import secrets
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -54,16 +53,18 @@ def redis_acl(
 
 def _password(folder: Path, user: str) -> str:
     """The user's password; a missing one is made, in a file that only its owner can read."""
+    import secrets
+
     from plateau.files.out_folder import make
 
     file = folder / f"{user}.password"
     if not file.exists():
         make(folder, "--passwords", mode=0o700)
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w") as made:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as made:
             made.write(f"{secrets.token_hex(32)}\n")
         tell(f"made {file}")
-    password = file.read_text().strip()
+    password = file.read_text(encoding="utf-8").strip()
     if not password:
         raise CommandFailed(f"{file} is empty")
     return password

@@ -1,6 +1,5 @@
 """`plateau render`: one scene to its results, with a process tree for it alone."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +8,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.printing import print_json
 from plateau.errors import EXIT_CODES, tell
 from plateau.farm.model.states import JobState
 
@@ -48,17 +48,17 @@ def render(
     summary.json. With --allocation zones, spp.png shows which parts of the image have many samples
     (yellow) and which few (dark blue). With the rule jod, quality.png shows where a person would
     see the noise (yellow). If pixels are NaN or infinite, non-finite.png marks them; more than 0.1
-    % of such pixels fail the job. The files of an earlier job in DIR are removed when the first new
-    file is written. Ctrl-C cancels the job and still writes its results; a second Ctrl-C exits at
-    once. If DIR cannot be written, the command fails before it renders anything. If DIR becomes
-    unwritable later, the results go to a temporary folder, which the command names.
+    % of such pixels fail the job. The files of an earlier job in DIR are replaced at the end, all
+    together, and no other command can write there meanwhile. Ctrl-C cancels the job and still
+    writes its results; a second Ctrl-C exits at once. If DIR cannot be written, the command fails
+    before it renders anything. If DIR becomes unwritable later, the results go to a temporary
+    folder, which the command names.
     """
-    from plateau.files.out_folder import make_ready
+    from plateau.files.out_folder import ready
     from plateau.processes.interrupts import Interrupts
     from plateau.rendering.own_farm import checked_settings, render_alone
 
     settings = checked_settings(scene, spec)
-    make_ready(out)
 
     def progress(_: "Client") -> "Progress":
         from rich.console import Console
@@ -73,7 +73,7 @@ def render(
         # The tree stops while the curve is drawn: nothing more is asked of it.
         return write_or_keep(client, job, out, when_fetched=when_fetched)
 
-    with Interrupts() as interrupts:
+    with ready(out), Interrupts() as interrupts:
         try:
             job, about = render_alone(
                 scene,
@@ -89,7 +89,7 @@ def render(
             raise typer.Exit(interrupts.exit_code) from None
 
     if as_json:
-        print(json.dumps(about, indent=2))
+        print_json(about)
     else:
         from plateau.farm.model.job import utc_now
         from plateau.farm.wire import job_text

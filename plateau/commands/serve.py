@@ -1,7 +1,6 @@
 """`plateau up`, and its processes alone: `plateau api | monitor | worker`."""
 
 import inspect
-import logging
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from plateau.farm.process.waits import Stop
     from plateau.processes.data_folder import DataFolder
     from plateau.processes.tree import Door, Tree
-
-_LOG = logging.getLogger("plateau")
 
 _TICK_S: Final = 0.2
 
@@ -73,12 +70,15 @@ def up(
     jobs continue. If PLATEAU_REDIS_URL or PLATEAU_BLOBS is set, that Redis or blob store is used.
     """
     from plateau.processes.data_folder import DataFolder
+    from plateau.processes.ground import check_ground
     from plateau.processes.interrupts import Interrupts
     from plateau.processes.read_settings import farm_settings
     from plateau.processes.tree import Tree
 
     settings = farm_settings()
-    with Interrupts() as interrupts, DataFolder(settings.data) as data:
+    alone = settings.redis_url is None
+    check_ground(settings, caches=workers > 0, has_redis=alone, data=settings.data)
+    with DataFolder(settings.data) as data, Interrupts() as interrupts:
         try:
             with Tree(
                 settings, data, interrupts, workers=workers, door=door, tell=tell, most_deaths=None
@@ -100,6 +100,8 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
     For example:
       PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau api
     """
+    import logging
+
     from plateau.processes.process import run_until_signal
     from plateau.processes.standing import Standing
     from plateau.service.api import process
@@ -115,10 +117,11 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
         who_may = _who_may(settings.redis_url or "", door)
 
         def ready(url: str) -> None:
-            _LOG.info("the API listens at %s", url)
-            _LOG.info(who_may)
+            log = logging.getLogger("plateau")
+            log.info("the API listens at %s", url)
+            log.info(who_may)
             if ready_fd is not None:
-                with os.fdopen(ready_fd, "w") as pipe:
+                with os.fdopen(ready_fd, "w", encoding="utf-8") as pipe:
                     pipe.write(f"{url}\n")
             standing.start()
 

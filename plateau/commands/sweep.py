@@ -51,7 +51,7 @@ def gc(
         _days(
             help="Remove scenes that no job has and that were not used for this many days (an "
             "hour at least).",
-            show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
+            show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
         ),
     ] = None,
     dry_run: Annotated[
@@ -67,7 +67,7 @@ def gc(
 
     Orphaned blobs, left by killed processes, are always removed. Unfinished jobs keep everything.
     Monitors do the same once an hour, by the settings PLATEAU_KEEP_RESULTS_DAYS,
-    PLATEAU_KEEP_DELETED_DAYS, PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+    PLATEAU_KEEP_DELETED_DAYS and PLATEAU_KEEP_SUMS_DAYS.
 
     Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS if they are set, otherwise on the data folder,
     whether `plateau up` is running or not.
@@ -89,7 +89,7 @@ def gc(
     if sums_older_than is None:
         sums_older_than = settings.keep_sums_days
     if scenes_unused_for is None:
-        scenes_unused_for = settings.keep_scenes_days
+        scenes_unused_for = settings.keep_results_days
     data = DataFolder(settings.data)
     if settings.redis_url and settings.blobs is None:
         raise CommandFailed(

@@ -1,8 +1,8 @@
 """`plateau watch`: a job or a batch to its end, with its results."""
 
-import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -12,7 +12,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
-from plateau.commands.printing import print_one
+from plateau.commands.printing import print_json, print_one
 from plateau.commands.show import batch_summary
 from plateau.errors import EXIT_CODES, ExitCode, tell
 from plateau.farm.model.states import JobState
@@ -83,25 +83,27 @@ def _job(client: "Client", job_id: str, out: Path | None, *, as_json: bool, curv
 
     from plateau.farm.model.job import utc_now
     from plateau.farm.wire import job_text
-    from plateau.files.out_folder import make_ready
+    from plateau.files.out_folder import ready
     from plateau.rendering.follow import follow
     from plateau.rendering.outputs import write_results
     from plateau.terminal.progress import progress_on
 
-    if out is not None:
-        client.job(job_id)  # make no folder for an unknown job
-        make_ready(out)
-    try:
-        job = follow(client, job_id, progress_on(Console(stderr=True), curve=curve), lambda: None)
-    except KeyboardInterrupt:
-        tell(f"no longer watching; job {job_id} continues")
-        raise
-    if out is None:
-        about = job_text.summary_json(job, client.curve(job_id), [])
-    else:
-        about = write_results(client, job, out)
+    shown = progress_on(Console(stderr=True), curve=curve)
+    with ExitStack() as stack:
+        if out is not None:
+            client.job(job_id)  # make no folder for an unknown job
+            stack.enter_context(ready(out))
+        try:
+            job = follow(client, job_id, shown, lambda: None)
+        except KeyboardInterrupt:
+            tell(f"no longer watching; job {job_id} continues")
+            raise
+        if out is None:
+            about = job_text.summary_json(job, client.curve(job_id), [])
+        else:
+            about = write_results(client, job, out)
     if as_json:
-        print(json.dumps(about, indent=2))
+        print_json(about)
     else:
         print(job_text.summary(job, utc_now()))
         if about["files"]:
@@ -119,10 +121,10 @@ def _batch(client: "Client", name: str, out: Path | None) -> "BatchView":
 
     from plateau.terminal.batch_progress import batch_progress_on
 
-    fetch = None if out is None else _fetching(client, name, out)
     written: set[str] = set()
     try:
-        with batch_progress_on(Console(stderr=True)) as show:
+        with ExitStack() as stack, batch_progress_on(Console(stderr=True)) as show:
+            fetch = None if out is None else stack.enter_context(_fetching(client, name, out))
             while True:
                 batch = client.batch(name)
                 show(batch)
@@ -156,24 +158,32 @@ def _exit_code(batch: "BatchView") -> ExitCode:
     return ExitCode.MISSED if JobState.EXHAUSTED in batch.states else ExitCode.OK
 
 
+@contextmanager
 def _fetching(
     client: "Client", name: str, out: Path
-) -> Callable[[Sequence["JobView"], Sequence[int]], None]:
-    """Return what writes the results of some of a batch's jobs, by their places among all.
+) -> Iterator[Callable[[Sequence["JobView"], Sequence[int]], None]]:
+    """Have what writes the results of some of a batch's jobs, by their places among all.
 
-    Raises `CommandFailed` where it could not.
+    Raises `CommandFailed` where it could not. Nobody else writes there meanwhile.
     """
+    from plateau.files.held import held
     from plateau.files.job_folder import require_free_for_batch
-    from plateau.files.out_folder import make_writable
+    from plateau.files.out_folder import make, make_writable
     from plateau.files.out_pattern import OutPattern
 
     if OutPattern.is_one(str(out)):
         pattern = OutPattern(str(out))
-        pattern.files(in_order(client, client.batch(name)))  # refused before anything is rendered
-        return partial(_write_images, client, pattern)
+        files = sorted(pattern.files(in_order(client, client.batch(name))).values())
+        with ExitStack() as stack:
+            for path in {*files[:1], *files[-1:]}:  # those who write the same files share them
+                make(path.parent)
+                stack.enter_context(held(path.with_name(f"{path.name}.batch")))
+            yield partial(_write_images, client, pattern)
+        return
     make_writable(out)
-    require_free_for_batch(out, client.batch(name).job_ids)
-    return partial(_write_folders, client, out)
+    with held(out):
+        require_free_for_batch(out, client.batch(name).job_ids)
+        yield partial(_write_folders, client, out)
 
 
 def in_order(client: "Client", batch: "BatchView") -> "list[JobView]":
@@ -187,12 +197,14 @@ def _write_folders(
 ) -> None:
     """Write the results of finished jobs, unless an earlier command has written them."""
     from plateau.files.job_folder import frame
+    from plateau.files.out_folder import ready
     from plateau.rendering.outputs import write_results
 
     for place in places:
         folder = frame(out, place, jobs[place].id)
         if not (folder / "summary.json").exists():  # the last file of a job
-            write_results(client, jobs[place], folder)
+            with ready(folder):
+                write_results(client, jobs[place], folder)
 
 
 def _write_images(

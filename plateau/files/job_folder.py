@@ -1,20 +1,24 @@
 """The folder for a job's results: it holds the files of one job at any time.
 
-A hidden file names the job. It is written after the last file of an earlier job is removed and
-before the first file of the new one, so the folder is consistent even if its writer is killed.
-Files with other names are never touched.
+They are written into a hidden folder within it, and take the place of those of an earlier job when
+all are there. A hidden file names the job. It is written after the last file of an earlier job is
+removed and before the first file of the new one, so the folder is consistent even if its writer is
+killed between two of these steps. Files with other names are never touched.
 """
 
-import fcntl
+import errno
 import os
 import re
-import secrets
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+import shutil
+import signal
+import threading
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 from plateau.errors import CommandFailed
+from plateau.files.held import held, refuse_held
 
 #: What an older service does not know.
 NOISE_MAP: Final = "noise.png"
@@ -39,59 +43,106 @@ _OWNER: Final = ".plateau-job"
 _SLICE: Final = re.compile(r"\d{6}\.exr")
 _REMEDY: Final = "move {} away, or give another folder with -o"
 
-#: Files that a killed writer has left.
-_UNFINISHED: Final = re.compile(
-    rf"\.[0-9a-f]{{8}}\.({'|'.join(map(re.escape, (*RESULTS, _OWNER)))}|{_SLICE.pattern})"
-)
+#: The folder of the files that are to become those of the job.
+_NEW: Final = ".plateau-new"
 #: The folder of a job of a batch, by its place and its id.
 _FRAME: Final = re.compile(r"\d{4,}-([0-9a-f]{12})")
 
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A path to write to; `path` is replaced at the end, and after an error unchanged."""
-    unfinished = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
-    try:
-        yield unfinished
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    """A path to write to; `path` is replaced at the end, and after an error unchanged.
+
+    Raises
+    ------
+    Held
+        Somebody else writes the file, or holds its folder.
+    """
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():  # a pipe, or /dev/stdout
+        yield path
+        return
+    unfinished = path.with_name(f".{path.name}.part")
+    refuse_held(path.parent)
+    with held(path):
+        try:
+            yield unfinished
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+
+
+class NewSet:
+    """Files that take the place of a folder's results together, or not at all.
+
+    The caller holds the folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.place: Final = folder / _NEW  #: where the new files are written
+
+    def begin(self) -> None:
+        """Make the place for the new files, without those that a killed process has left there.
+
+        Slices stay: they are many, and are known by their hashes.
+        """
+        self.place.mkdir(parents=True, exist_ok=True)
+        for path in _ours(self.place):
+            if path.parent == self.place:
+                path.unlink()
+
+    def commit(self, job_id: str, kept: Collection[str]) -> None:
+        """Put the new files in the place of the old results; slices that are `kept` stay."""
+        new = [path for path in _ours(self.place) if path.parent == self.place]
+        slices = sorted(self.place.glob(f"{SLICES}/*"))
+        for path in (self._folder / path.name for path in new):
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if kept or slices:
+            (self._folder / SLICES).mkdir(exist_ok=True)
+        (self.place / _OWNER).write_text(f"{job_id}\n", encoding="utf-8")
+        with _unbroken():
+            if owner(self._folder) is not None:
+                for path in _ours(self._folder):
+                    if path.parent == self._folder or path.name not in kept:
+                        path.unlink()
+            (self.place / _OWNER).replace(self._folder / _OWNER)
+            for path in slices:
+                path.replace(self._folder / SLICES / path.name)
+            for path in new:  # summary.json last, by which a job of a batch is there
+                path.replace(self._folder / path.name)
+            with suppress(OSError):  # it is missing, or not empty
+                (self._folder / SLICES).rmdir()
+        self.drop()
+
+    def drop(self) -> None:
+        """Remove the new files."""
+        shutil.rmtree(self.place, ignore_errors=True)
 
 
 @contextmanager
-def in_turn(folder: Path) -> Iterator[None]:
-    """Lock the folder for the context, so no other process writes results into it.
-
-    A folder that cannot be made, or a file system without locks, is not locked.
-    """
-    with ExitStack() as stack:
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(folder, os.O_RDONLY)
-            stack.callback(os.close, descriptor)
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+def _unbroken() -> Iterator[None]:
+    """Have signals wait until the context ends."""
+    came: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) not in {signal.SIG_IGN, None}:
+                before[number] = signal.signal(number, lambda number, _: came.append(number))
+    try:
         yield
-
-
-def begin(folder: Path, job_id: str, keeps: Callable[[Path], bool]) -> None:
-    """Make an existing folder that of a job: remove the old results, and write the job's id.
-
-    `keeps` tells whether the file of a slice is this job's; it is then kept.
-    """
-    before = owner(folder)
-    if before is not None:
-        for path in _ours(folder):
-            if path.parent == folder or not (_SLICE.fullmatch(path.name) and keeps(path)):
-                path.unlink()
-        with suppress(OSError):  # it is missing, or not empty
-            (folder / SLICES).rmdir()
-    _claim(folder, job_id)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for late in came:
+            signal.raise_signal(late)
 
 
 def owner(folder: Path) -> str | None:
     """The id of the job whose files the folder has; None if there is none."""
     with suppress(OSError, ValueError):
-        return (folder / _OWNER).read_text().strip()
+        return (folder / _OWNER).read_text(encoding="utf-8").strip()
     return None
 
 
@@ -130,21 +181,10 @@ def require_free_for_batch(folder: Path, job_ids: list[str]) -> None:
         )
 
 
-def _claim(folder: Path, job_id: str) -> None:
-    with whole(folder / _OWNER) as path:
-        path.write_text(f"{job_id}\n")
-
-
 def _ours(folder: Path) -> list[Path]:
-    """All files of a job in the folder: results, slices and unfinished files."""
+    """All files of a job in the folder: results and slices."""
     found = [folder / name for name in RESULTS]
-    found += [path for path in folder.iterdir() if _UNFINISHED.fullmatch(path.name)]
-    if (folder / SLICES).is_dir():
-        found += [
-            path
-            for path in (folder / SLICES).iterdir()
-            if _SLICE.fullmatch(path.name) or _UNFINISHED.fullmatch(path.name)
-        ]
+    found += [path for path in folder.glob(f"{SLICES}/*") if _SLICE.fullmatch(path.name)]
     return [path for path in found if path.is_file() or path.is_symlink()]
 
 

@@ -1,5 +1,6 @@
 """The files of a sequence's images: one for each job of a batch, named by a pattern."""
 
+import unicodedata
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePath
@@ -72,17 +73,20 @@ class OutPattern:
             A field is unknown, a value does not fit its format or cannot be in a file's name, or
             jobs that differ would have one file.
         """
-        takers: dict[Path, JobView] = {}
+        takers: dict[str, tuple[Path, JobView]] = {}
         for place, job in enumerate(jobs):
             path = self._file(job, place)
-            before = takers.get(path)
+            # Some file systems tell apart neither case nor the ways to write an accented letter.
+            place_on_disk = unicodedata.normalize("NFC", str(path)).casefold()
+            other, before = takers.get(place_on_disk, (path, None))
             if before is not None and what_it_shows(before) != what_it_shows(job):
                 raise CommandFailed(
-                    f"-o {self.text!r} gives the jobs {before.id} and {job.id} one file, {path}: "
+                    f"-o {self.text!r} gives the jobs {before.id} and {job.id} one file, {path}"
+                    f"{'' if path == other else f', where case does not count (also {other})'}: "
                     f"let it have what they differ in, such as {{{_difference(before, job)}}}"
                 )
-            takers[path] = job
-        return {job.id: path for path, job in takers.items()}
+            takers[place_on_disk] = path, job
+        return {job.id: path for path, job in takers.values()}
 
     def _file(self, job: JobView, place: int) -> Path:
         own = dict(zip(_OF_JOB, (job.spec.batch or "", job.name, job.id, place), strict=True))

@@ -42,7 +42,9 @@ class DataFolder:
         make(self.path, "PLATEAU_DATA", mode=0o700)
         self.logs.mkdir(exist_ok=True)
         # Not truncated: the file names the holder of the lock.
-        lock = os.fdopen(os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600), "r+")
+        lock = os.fdopen(
+            os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="utf-8"
+        )
         try:
             _acquire(lock, self.path)
         except BaseException:
@@ -69,7 +71,7 @@ class DataFolder:
 def is_in_use(path: Path) -> bool:
     """Whether a process tree holds the folder; a folder without a lock file counts as in use."""
     try:
-        with (path / "lock").open() as lock:
+        with (path / "lock").open(encoding="utf-8") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return True

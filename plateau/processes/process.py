@@ -18,6 +18,7 @@ from plateau.farm.process.scratch import remove_left
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
+from plateau.processes.ground import check_ground
 from plateau.processes.read_settings import farm_settings
 from plateau.processes.shutdown import StopSignals
 
@@ -35,6 +36,7 @@ def run_until_signal(role: str, run: Work) -> None:
     with suppress(OSError):
         shut_memory()
     settings = farm_settings()
+    check_ground(settings, caches=role == "worker")
     _check_addresses(settings)
     log.set_up(role, settings.log_format)
     forget_life(settings.alive_file)

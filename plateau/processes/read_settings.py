@@ -82,7 +82,7 @@ def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:
 def secret_in(file: Path, option: str) -> str:
     """The secret in a file, which `option` names in messages."""
     try:
-        secret = file.read_text().strip()
+        secret = file.read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not text"
         raise BadSetting(f"{option}: {file} cannot be read: {why}") from error

@@ -6,6 +6,7 @@ from plateau.errors import CommandFailed
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.processes.data_folder import DataFolder, InUse
+from plateau.processes.ground import check_ground
 
 
 def redis_at_hand(
@@ -33,6 +34,7 @@ def redis_at_hand(
                 "to the values that it printed"
             ) from held
         return f"unix://{socket}"
+    check_ground(settings, caches=False, has_redis=True, data=data.path)
     server = EmbeddedRedis(data.redis)
     stack.callback(server.stop)
     return server.url

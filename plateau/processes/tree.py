@@ -20,6 +20,7 @@ from plateau.processes.interrupts import Interrupts
 from plateau.processes.member import Member, describe_exit
 from plateau.processes.read_settings import REDIS_VARIABLES
 from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor.machine import memory_for_children
 
 _API_START_S: Final = 60.0
 #: Time to stop before the kill; a stopping worker tries for 5 s to commit its slice.
@@ -187,7 +188,7 @@ class Tree:
     def _await_redis(self) -> None:
         if self._redis is None:
             return
-        self._redis.await_ready()
+        self._redis.await_ready(self.interrupts.asked.is_set)
         from plateau.farm.ledger.schema import check_schema
         from plateau.farm.redis.link import connect
 
@@ -203,7 +204,7 @@ class Tree:
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
-        self._api_pipe = os.fdopen(reads)
+        self._api_pipe = os.fdopen(reads, encoding="utf-8")
         try:
             api.start(
                 passed=(writes,), more=("--port", str(self.door.port), "--ready-fd", str(writes))
@@ -231,11 +232,12 @@ class Tree:
 
     def _of_a_worker(self) -> dict[str, str]:
         share = max(1, len(os.sched_getaffinity(0)) // self.workers)
+        memory_gb = self.settings.child_memory_gb or memory_for_children() / self.workers / 1e9
         return {
             "PLATEAU_THREADS": str(self.settings.threads or share),
             "PLATEAU_POOL": self.settings.pool,
             "PLATEAU_TAGS": ",".join(self.settings.tags),
-            "PLATEAU_WORKERS_HERE": str(max(self.workers, self.settings.workers_here)),
+            "PLATEAU_CHILD_MEMORY_GB": f"{memory_gb:g}",
         }
 
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:

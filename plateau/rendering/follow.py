@@ -1,5 +1,6 @@
 """Follows a job to its end and shows its progress."""
 
+import math
 import queue
 import threading
 import time
@@ -17,6 +18,8 @@ _SHOW_S: Final = 1.0  #: between two updates of the shown times
 #: Between two requests for the job: after a new slice, and without any event.
 _AFTER_A_SLICE_S: Final = 1.0
 _WITHOUT_EVENT_S: Final = 10.0
+#: A cancelled job whose results are not there by then has nobody who writes them.
+_CANCEL_S: Final = 300.0
 
 
 def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
@@ -63,15 +66,15 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
 def cancelling(
     client: Client, job_id: str, interrupts: Interrupts, shown: Progress
 ) -> Callable[[], None]:
-    """A tick for `follow`: an interrupt cancels the job, and a second one is raised."""
-    cancelled = False
+    """A tick for `follow`: an interrupt cancels the job; a second or a long wait raises."""
+    asked_at = math.inf
 
     def tick() -> None:
-        nonlocal cancelled
-        if interrupts.insisted.is_set():
+        nonlocal asked_at
+        if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
             raise KeyboardInterrupt
-        if interrupts.asked.is_set() and not cancelled:
-            cancelled = True
+        if interrupts.asked.is_set() and asked_at == math.inf:
+            asked_at = time.monotonic()
             shown.note("cancelling; the results so far are kept; interrupt again to leave at once")
             try:
                 client.cancel(job_id)

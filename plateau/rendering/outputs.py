@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,9 +21,7 @@ from plateau.files.job_folder import (
     QUALITY_MAP,
     SLICES,
     SPP_MAP,
-    begin,
-    in_turn,
-    whole,
+    NewSet,
 )
 
 _KEPT: Final = "plateau-kept-"
@@ -57,8 +56,8 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
     infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has points; ``slices``,
     where it kept them, for `plateau judge`; ``report.html``, ``summary.txt`` and ``summary.json``.
-    Slices that are there already are not fetched again; what another job has left there is removed
-    before the first file is written.
+    Slices that are there already are not fetched again. What another job has left there is replaced
+    when all is there; after an error it is as it was. The caller holds the folder (`out_folder`).
 
     Raises
     ------
@@ -68,11 +67,7 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
         All but some were written: those are damaged in the service's store.
     """
     try:
-        with in_turn(folder):
-            fetched = _fetch(client, job, folder)
-            about = _summarise(job, fetched, folder)
-        _check_whole(fetched)
-        return about
+        return _write(client, job, folder, _Place(folder, keeps=False), lambda: None)
     except OSError as error:
         if error.strerror and error.filename is None:  # a full disk says no name
             error.filename = str(folder)
@@ -90,54 +85,75 @@ def write_or_keep(
     Raises
     ------
     CommandFailed
-        The folder did not take it all; the message names the temporary folder that has the rest.
-        Or some files are damaged in the service's store.
+        The folder did not take them; the message names the temporary folder that has them. Or
+        some files are damaged in the service's store.
     """
-    place = _Place(folder)
-    with in_turn(folder):
-        fetched = place.take(lambda there: _fetch(client, job, there))
-        when_fetched()
-        about = place.take(lambda there: _summarise(job, fetched, there))
-    if place.trouble is not None:
-        raise CommandFailed(
-            f"not all could be written into {folder} ({place.trouble.strerror or place.trouble}): "
-            f"the rest is in {place.folder}; move it to where you want it"
-        )
-    _check_whole(fetched)
-    return about
+    return _write(client, job, folder, _Place(folder, keeps=True), when_fetched)
 
 
 class _Place:
-    """A folder, until it cannot be written; from then on a fresh temporary one."""
+    """Where the files of a set are, until it cannot be written; then a fresh temporary folder."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *, keeps: bool) -> None:
+        self.new: Final = NewSet(folder)
+        self.folder = self.new.place
         self.trouble: OSError | None = None
+        self._keeps = keeps
 
     def take(self, write: Callable[[Path], _Written]) -> _Written:
         try:
             return write(self.folder)
         except OSError as error:
-            if self.trouble is not None:
+            if self.trouble is not None or not self._keeps:
                 raise
             self.folder, self.trouble = Path(tempfile.mkdtemp(prefix=_KEPT)), error
+            if self.new.place.exists():
+                shutil.copytree(self.new.place, self.folder, dirs_exist_ok=True)
             return write(self.folder)
+
+
+def _write(
+    client: Source, job: JobView, folder: Path, place: _Place, when_fetched: Callable[[], None]
+) -> dict[str, Any]:
+    new = place.new
+    slices = _slices(client, job)
+    kept = {name for name in slices if _is_one_of(slices, folder / SLICES / name)}
+    try:
+        place.take(lambda there: new.begin() if there == new.place else None)
+        fetched = place.take(lambda there: _fetch(client, job, there, slices, kept))
+        when_fetched()
+        about = place.take(
+            lambda there: _summarise(job, fetched, there, folder if there == new.place else there)
+        )
+        place.take(lambda there: new.commit(job.id, kept) if there == new.place else None)
+    except BaseException:
+        if not (new.place / SLICES).exists():
+            new.drop()
+        raise
+    if place.trouble is not None:
+        new.drop()
+        raise CommandFailed(
+            f"the results could not be written into {folder} "
+            f"({place.trouble.strerror or place.trouble}): they are in {place.folder}; move them "
+            "to where you want them"
+        )
+    if fetched.damaged:
+        raise CommandFailed("\n".join(fetched.damaged.values()))
+    return about
 
 
 @dataclass(frozen=True)
 class _Fetched:
     points: list[CurvePoint]
     events: list[Event]
-    files: list[Path]
+    files: list[str]
     damaged: dict[str, str]  #: what the service says of each file that it does not have whole
 
 
-def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
-    folder.mkdir(parents=True, exist_ok=True)
-    # Asked for before anything is removed: the service may be gone.
-    slices = _slices(client, job)
+def _fetch(
+    client: Source, job: JobView, folder: Path, slices: dict[str, SliceView], kept: set[str]
+) -> _Fetched:
     fetched = _Fetched(client.curve(job.id), client.happened(job.id), [], {})
-    begin(folder, job.id, lambda path: _is_one_of(slices, path))
     for name in IMAGES:
         if name == SPP_MAP and not job.spec.by_zones:
             continue
@@ -146,40 +162,39 @@ def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
         if name == NOISE_MAP and "noise_png" not in job.links:
             continue
         if _download(client, job.id, name, folder / name, fetched.damaged):
-            fetched.files.append(folder / name)
-    if job.spec.keep_slices:
-        fetched.files.append(_write_slices(client, job, slices, folder / SLICES, fetched.damaged))
+            fetched.files.append(name)
+    for path in (folder / SLICES).glob("*"):  # of another job, which was broken off
+        if path.name not in slices:
+            path.unlink()
+    if slices:
+        fetched.files.append(SLICES)
+        (folder / SLICES).mkdir(exist_ok=True)
+    for name, part in slices.items():
+        path = folder / SLICES / name
+        if name not in kept and not _is_one_of(slices, path):
+            _download(client, job.id, f"slices/{part.index}.exr", path, fetched.damaged)
     if fetched.points:
-        fetched.files.append(folder / "curve.csv")
-        _write(folder / "curve.csv", client.curve_csv(job.id))
+        fetched.files.append("curve.csv")
+        (folder / "curve.csv").write_text(client.curve_csv(job.id), encoding="utf-8")
     return fetched
 
 
-def _check_whole(fetched: _Fetched) -> None:
-    if fetched.damaged:
-        raise CommandFailed("\n".join(fetched.damaged.values()))
-
-
-def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
-    files = list(fetched.files)
+def _summarise(job: JobView, fetched: _Fetched, folder: Path, shown: Path) -> dict[str, Any]:
+    texts: dict[str, str] = {}
     if fetched.points:
-        files.append(folder / "curve.svg")
-        _write(folder / "curve.svg", curve_file(job, fetched.points))
-    files += [folder / "report.html", folder / "summary.txt", folder / "summary.json"]
+        texts["curve.svg"] = curve_file(job, fetched.points)
     pictures: dict[str, bytes | None] = {
-        path.name: path.read_bytes() for path in fetched.files if path.name in CAPTIONS
+        name: (folder / name).read_bytes() for name in fetched.files if name in CAPTIONS
     }
     pictures.update((name, None) for name in fetched.damaged if name in CAPTIONS)
-    _write(folder / "report.html", report_html(job, fetched.points, fetched.events, pictures))
-    _write(folder / "summary.txt", job_text.summary(job, utc_now()) + "\n")
-    about = job_text.summary_json(job, fetched.points, [str(path) for path in files])
-    _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
+    texts["report.html"] = report_html(job, fetched.points, fetched.events, pictures)
+    texts["summary.txt"] = job_text.summary(job, utc_now()) + "\n"
+    files = [str(shown / name) for name in (*fetched.files, *texts, "summary.json")]
+    about = job_text.summary_json(job, fetched.points, files)
+    texts["summary.json"] = json.dumps(about, indent=2) + "\n"
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
     return about
-
-
-def _write(file: Path, text: str) -> None:
-    with whole(file) as path:
-        path.write_text(text)
 
 
 def _slices(client: Source, job: JobView) -> dict[str, SliceView]:
@@ -187,20 +202,6 @@ def _slices(client: Source, job: JobView) -> dict[str, SliceView]:
     if not job.spec.keep_slices:
         return {}
     return {f"{part.index:06d}.exr": part for part in client.slices(job.id)}
-
-
-def _write_slices(
-    client: Source,
-    job: JobView,
-    slices: dict[str, SliceView],
-    folder: Path,
-    damaged: dict[str, str],
-) -> Path:
-    folder.mkdir(exist_ok=True)
-    for name, part in slices.items():
-        if not _is_one_of(slices, folder / name):
-            _download(client, job.id, f"slices/{part.index}.exr", folder / name, damaged)
-    return folder
 
 
 def _is_one_of(slices: dict[str, SliceView], path: Path) -> bool:

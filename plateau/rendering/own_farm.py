@@ -13,6 +13,7 @@ from plateau.farm.model.renderers import renderer_of, variant_for
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
 from plateau.processes.data_folder import DataFolder, is_in_use
+from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
@@ -40,15 +41,18 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     BundleError
         The scene cannot be packed or is not allowed.
     CommandFailed
-        This machine lacks the variant.
+        This machine lacks the variant, or folders or open files; a rule cannot judge the image.
     """
+    settings = read_settings()
+    check_ground(settings, caches=True, has_redis=True)
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
+        if found.width and found.height:
+            spec.require_size(found.width, found.height)
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    settings = read_settings()
     _check_variant(variant, settings.cache)
     return settings
 

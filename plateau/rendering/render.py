@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from plateau.errors import PlateauError
 from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.files.scene_at_hand import SceneAtHand, scene_file
 from plateau.processes.interrupts import Interrupts
 from plateau.rendering.outputs import write_or_keep
@@ -103,8 +104,6 @@ def render(
     """
     asked = spec_of(spec, fields)
     folder = None if out is None else at_home(out)
-    if folder is not None:
-        make_ready(folder)
 
     def fetch(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> Result:
         result = Result.fetched(client, job)
@@ -115,7 +114,11 @@ def render(
     def shown(client: "Client") -> "Progress":
         return _progress(client, wanted=progress)
 
-    with scene_file(scene) as file, Interrupts(signal.SIGINT) as interrupts:
+    with (
+        nullcontext() if folder is None else ready(folder),
+        scene_file(scene) as file,
+        Interrupts(signal.SIGINT) as interrupts,
+    ):
         if farm is None:
             result = _here(file, asked, interrupts, workers, threads, shown, fetch)
         else:

@@ -14,7 +14,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, whole
-from plateau.files.out_folder import make_ready
+from plateau.files.out_folder import ready
 from plateau.rendering.html import card
 
 if TYPE_CHECKING:
@@ -117,8 +117,8 @@ class Result:
         else:
             from plateau.rendering.outputs import write_results
 
-            make_ready(path)
-            write_results(_Kept(self), self.job, path)
+            with ready(path):
+                write_results(_Kept(self), self.job, path)
         return path
 
     def _file(self, name: str) -> bytes:

@@ -108,7 +108,7 @@ class Slurm:
 
 
 def label(task: str) -> str:
-    """The label that worker.sbatch gives a task's worker."""
+    """The label of the worker that Slurm has started as this task."""
     return f"slurm:{task}"
 
 
@@ -126,7 +126,7 @@ def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
             env=environment,
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             errors="replace",
             timeout=_PATIENCE_S,
             check=False,

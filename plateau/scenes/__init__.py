@@ -1,11 +1,17 @@
-"""The scenes of the paper, built by code: each is a folder, its `build.py` and its `scene.xml`."""
+"""The scenes of the paper: a folder each, with `scene.xml`, its meshes and its textures."""
 
 from pathlib import Path
 from typing import Final
 
 FOLDER: Final = Path(__file__).parent
-#: The families: each once under a bright light, as its scene is written, and once under a dim one.
-NAMES: Final = ("bar", "box", "oculist", "plants")
+#: The families, and `intensity` under the bright light, as the scene is written, and the dim one.
+LIGHTS: Final = {
+    "bar": (80.0, 40.0),
+    "box": (20.0, 10.0),
+    "oculist": (80.0, 40.0),
+    "plants": (24.0, 12.0),
+}
+NAMES: Final = tuple(LIGHTS)
 _SCHEME: Final = "scenes:"
 
 

@@ -40,4 +40,4 @@ local function study_key(id, part)
   return PREFIX .. 'study:' .. id .. (part and ':' .. part or '')
 end
 """
-    return names + (files("plateau.study") / "studies.lua").read_text()
+    return names + (files("plateau.study") / "studies.lua").read_text(encoding="utf-8")

@@ -6,6 +6,7 @@ All have the job's exposure, so that they differ only by the number of their sam
 import hashlib
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
@@ -14,6 +15,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.metric import encode_srgb
 from plateau.picture.films import checked_partial
+from plateau.picture.independence import Independence, NotIndependent
 from plateau.picture.merge import Merge
 from plateau.service.api.points import KeptSlice
 from plateau.study.ledger import study_level, study_reference
@@ -51,6 +53,19 @@ def put_pictures(
         place = study_reference(study_id)
         digests[place] = _put(store, place, merge, job)
     return digests
+
+
+def are_independent(
+    store: Blobs, job: Job, slices: list[KeptSlice], other: Job, reference: list[KeptSlice]
+) -> bool:
+    """Whether two jobs have samples of their own, as their seeds and their first slices tell."""
+    found = Independence()
+    with _ONE_AT_A_TIME, suppress(NotIndependent):
+        for one, kept in ((job, slices), (other, reference)):
+            merge = next(_merges(store, kept[:1], Merge.of(one.spec)))
+            found.add(one.id, merge.image(), one.id)
+        return other.spec.seed != job.spec.seed
+    return False
 
 
 def _merges(store: Blobs, slices: list[KeptSlice], merge: Merge) -> Iterator[Merge]:

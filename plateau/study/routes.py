@@ -258,7 +258,7 @@ def answer_trial(
 def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) -> Study:
     """Make the study of this request."""
     # Imported at the first use: numpy and the metric take a fifth of the API's start.
-    from plateau.study.pictures import put_pictures
+    from plateau.study.pictures import are_independent, put_pictures
 
     job = farm.api.job(asked.job_id)
     other = farm.api.job(asked.reference_job_id or asked.job_id)
@@ -276,7 +276,7 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) ->
         "method": asked.method,
         "job_id": job.id,
         "reference_job_id": other.id,
-        "independent": other.spec.seed != job.spec.seed,
+        "independent": are_independent(farm.api.blobs, job, slices, other, reference),
         "levels": levels,
         "reference_spp": reference_spp,
         "slice_spp": slice_spp,

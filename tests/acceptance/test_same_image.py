@@ -150,10 +150,8 @@ def test_a_death_in_the_middle_changes_nothing(
 ) -> None:
     farm = shared_farm
     until(lambda: len(farm.client.workers()) == 2)
-    job = farm.submit(**SPEC)
     # Given a job in the middle of its work
-    until(lambda: farm.client.job(job.id).points >= 2)
-    assert farm.client.job(job.id).state == "rendering"
+    job = farm.client.job(farm.submit_half_way(**SPEC))
     # When something dies
     fault(farm, victims)
     # Then nothing is different in the end

@@ -26,9 +26,7 @@ class Child:
     def __init__(self, folder: Path, threads: int = 2) -> None:
         self.scenes = folder / "scenes"
         self.scenes.mkdir(parents=True, exist_ok=True)
-        limits = ChildLimits(
-            threads=threads, memory_bytes=0, load_timeout_s=120, pass_timeout_s=120
-        )
+        limits = ChildLimits(threads=threads, memory_bytes=0, timeout_s=120)
         self.process = RenderChild(VARIANT, None, limits, folder / "home", [self.scenes])
 
     def load(self, blend: Path, *, aovs: tuple[str, ...] = (), **parameters: object) -> Loaded:

@@ -27,7 +27,7 @@ def test_doctor_names_the_release_of_the_program():
 
 def test_every_thread_of_the_program_is_confined(blend, tmp_path):
     # Given a render child that has become the program, and has rendered
-    limits = ChildLimits(threads=2, memory_bytes=0, load_timeout_s=120, pass_timeout_s=120)
+    limits = ChildLimits(threads=2, memory_bytes=0, timeout_s=120)
     scene = blend("plain")
     child = RenderChild(VARIANT, None, limits, tmp_path / "home", [scene.parent])
     try:

@@ -143,7 +143,6 @@ class BareFarm(RealFarm):
             "PLATEAU_BLOBS": str(folder / "blobs"),
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_THREADS": "1",
-            "PLATEAU_HEARTBEAT_S": "0.5",
             "PLATEAU_LEASE_S": "3",
             **settings,
         }

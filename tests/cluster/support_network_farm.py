@@ -134,7 +134,7 @@ class LateWorker:
 
     def tries_of(self, job: str, index: int) -> list[str]:
         """How its tries of the slice ended."""
-        entries = self._farm.jobs.log_of(job, index)[1]
+        entries = self._farm.jobs.log(job, index)
         return [entry.what for entry in entries if entry.worker == self.id]
 
     def end(self) -> None:

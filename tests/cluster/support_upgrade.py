@@ -38,7 +38,7 @@ class UpgradedFarm(FaultyFarm):
     """
 
     def __init__(self, folder: Path, cache: Path) -> None:
-        super().__init__(folder, cache, PLATEAU_LEASE_S="15", PLATEAU_HEARTBEAT_S="5")
+        super().__init__(folder, cache, PLATEAU_LEASE_S="15")
         self.members: list[Member] = []
         first = self.processes[0]
         self.members.append(Member("api", ("--port", _port(self.url)), first))

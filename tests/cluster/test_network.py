@@ -187,22 +187,3 @@ def test_who_watches_a_job_sees_its_end_through_it_all(
     assert watching.returncode == 0
     assert "converged" in said
     assert_same(outcome(farm, job), undisturbed)
-
-
-@pytest.mark.long_form
-@pytest.mark.parametrize(
-    ("what", "within_s"), [("request", 10), ("renewal", 3), ("listener", 15), ("events", 15)]
-)
-def test_how_soon_a_cut_is_noticed(farm: NetworkFarm, what: str, within_s: float) -> None:
-    module = "tests.cluster.support_notice"
-    command = (*farm.network.on(LATE), sys.executable, "-m", module, what, farm.redis_url)
-    with subprocess.Popen(command, text=True, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        farm.network.cut(LATE)
-        cut_at = time.time()
-        noticed_at, _, words = process.communicate(timeout=60)[0].strip().partition(" ")
-    took_s = float(noticed_at) - cut_at
-    print(f"{what}: {took_s:.1f} s: {words}")
-    assert process.returncode == 0
-    assert took_s < within_s + 3

@@ -79,14 +79,14 @@ def test_a_slice_that_takes_long_is_given_back_and_taken_at_once(farm: UpgradedF
 def test_a_monitor_that_stops_has_its_jobs_taken_over_at_once(farm: UpgradedFarm) -> None:
     farm.begin(monitors=2, workers=0)
     job = farm.submit(**SPEC)
-    owner, fence = keys.job(job.id, "owner"), keys.job(job.id, "fence")
+    owner, sealed = keys.job(job.id, "owner"), keys.job(job.id, "sealed")
     until(lambda: farm.redis_client.exists(owner))
     # If each monitor is stopped in turn, whichever owns the job
     for member in [one for one in farm.members if one.role == "monitor"]:
         farm.restart(member)
     # Then it has an owner all the same, long before a lease of 15 s has run out
     until(lambda: farm.redis_client.exists(owner), 10)
-    assert int(farm.redis_client.get(fence) or 0) >= 2
+    assert int(str(farm.redis_client.hget(sealed, "fence") or 0)) >= 2
     farm.client.cancel(job.id)
     until(lambda: farm.jobs.get(job.id).finished_at is not None)
 

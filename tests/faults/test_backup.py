@@ -34,7 +34,6 @@ def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
             "PLATEAU_DATA": str(data),
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_LEASE_S": "2",
-            "PLATEAU_HEARTBEAT_S": "0.5",
         }
         started.append(Command(*arguments, folder=tmp_path, **settings))
         return started[-1]

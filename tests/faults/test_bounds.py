@@ -2,8 +2,7 @@
 
 Redis, API and monitor are real processes, of which memory is measured; the slices are real, small
 partials, put and committed by threads that play four workers. ``LONG_TESTS=1`` renders 15,000
-slices instead of 1,500, which takes some minutes. ``pytest -s`` shows the figures of
-docs/operations.md.
+slices instead of 1,500, which takes some minutes.
 """
 
 import os
@@ -67,11 +66,7 @@ class Sample:
 
     slices: int  #: committed so far
     uss: dict[str, int]  #: memory that a process has for itself
-    rss: dict[str, int]
     redis: int
-    log: int  #: Redis's log on the disk
-    blobs: int  #: how many
-    stored: int
 
 
 def spec_for(variant: str) -> JobSpec:
@@ -150,18 +145,11 @@ class Soak:
         jobs = [self.farm.jobs.get(job_id) for job_id in rendering]
         for job in jobs:
             self._check_blobs(job)
-        memory = {name: one.memory_full_info() for name, one in self._processes.items()}
-        stored = list(self.farm.store.listing(""))
-        persistence = self.farm.redis_client.info("persistence")
         self.samples.append(
             Sample(
                 slices=sum(job.committed_spp for job in jobs) // SLICE_SPP,
-                uss={name: one.uss for name, one in memory.items()},
-                rss={name: one.rss for name, one in memory.items()},
+                uss={name: one.memory_full_info().uss for name, one in self._processes.items()},
                 redis=self.used_memory(),
-                log=persistence["aof_current_size"],
-                blobs=len(stored),
-                stored=sum(blob.size for blob in stored),
             )
         )
 
@@ -238,13 +226,11 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
         for _ in range(QUEUED - SUBMITTED):  # without the API: it takes half the test's time
             made = farm.jobs.create(spec_for("cuda_ad_rgb"), name="box.zip", scene_sha256=scene)
             queued.append(made.job.id)
-        started = time.monotonic()
         # When the ten are rendered
         with soak.workers():
             while any(farm.jobs.get(job_id).finished_at is None for job_id in rendering):
                 soak.look(rendering)
                 time.sleep(0.3)
-        seconds = time.monotonic() - started
         soak.look(rendering)
         per_slice = max(map(soak.redis_bytes, rendering)) / SLICES
         # Then memory did not follow the slices
@@ -273,18 +259,3 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
         left = farm.redis_client.scan_iter("*", count=1000)
         assert [key for key in left if not is_of_no_job(key)] == []
         assert soak.used_memory() - empty < MOST_LEFT
-        last = soak.samples[-1]
-        most_blobs = max(soak.samples, key=lambda one: one.blobs)
-        print(f"\n{last.slices} slices of {RENDERING} jobs in {seconds:.0f} s")
-        print(
-            f"Redis: {per_slice:.0f} bytes a slice, {per_queued:.0f} a queued job, "
-            f"{per_ended:.0f} an ended one; {empty} empty, "
-            f"{max(one.redis for one in soak.samples)} at most, {soak.used_memory()} left, "
-            f"log {last.log}"
-        )
-        print(f"blobs: {most_blobs.blobs} at most, {most_blobs.stored} bytes")
-        for name in last.rss:
-            print(
-                f"{name}: RSS {max(one.rss[name] for one in soak.samples)}, "
-                f"USS {max(one.uss[name] for one in soak.samples)}, grew {soak.growth(name):.0f}"
-            )

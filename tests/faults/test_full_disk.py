@@ -25,7 +25,6 @@ def test_redis_stops_and_goes_on_when_there_is_room(
         settings = {
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_LEASE_S": "2",
-            "PLATEAU_HEARTBEAT_S": "0.5",
         }
         data = str(disk.folder / "data")
         up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)

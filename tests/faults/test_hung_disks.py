@@ -75,7 +75,7 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
         shutil.copytree(
             cache, disk.folder / "cache", ignore=shutil.ignore_patterns("scenes", "home")
         )
-        there = {"PLATEAU_CACHE": str(disk.folder / "cache"), "PLATEAU_PASS_TIMEOUT_S": "2"}
+        there = {"PLATEAU_CACHE": str(disk.folder / "cache"), "PLATEAU_CHILD_TIMEOUT_S": "10"}
         farm.start_changed("worker", environment=there, set=_SOON)
         job = submit()
         until(lambda: farm.client.job(job).points >= 2)

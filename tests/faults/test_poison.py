@@ -64,8 +64,7 @@ def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
     """A farm of two workers whose children may take little, and that tries a slice twice."""
     limits = {
         "PLATEAU_CHILD_MEMORY_GB": "1",
-        "PLATEAU_PASS_TIMEOUT_S": "5",
-        "PLATEAU_LOAD_TIMEOUT_S": "60",
+        "PLATEAU_CHILD_TIMEOUT_S": "20",
     }
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
         for role in ("monitor", "worker", "worker"):

@@ -53,8 +53,7 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
     port = free_port()
     settings = {
         "TMPDIR": str(temporary),
-        "PLATEAU_PASS_TIMEOUT_S": "20",
-        "PLATEAU_LOAD_TIMEOUT_S": "60",
+        "PLATEAU_CHILD_TIMEOUT_S": "20",
         "PLATEAU_WEBHOOK_ALLOW": "127.0.0.1",
     }
     with ExitStack() as after:

@@ -99,6 +99,9 @@ class TestPictures:
         films = sum(noise_film(100 + i, 20, 1.0).astype(np.float64) for i in range(5))
         expected = encode_srgb((films[..., :3] / films[..., 3:]).astype(np.float32), 0.0)
         assert http.get(study["links"]["reference"]).content == encode_png(expected)
+        # One with the same noise is not independent, whatever its seed
+        alike = ended_job(farm, slices=8, slice_spp=SPP, seed=9)
+        assert not made(http, job, reference_job_id=alike.id)["independent"]
 
     def test_stay_when_the_job_is_forgotten(
         self, http: httpx.Client, client: redis.Redis, farm: NoiseFarm, job: Job
@@ -176,15 +179,6 @@ class TestAnswers:
         shown = http.get(study["links"]["self"]).json()["result"]
         assert (shown["answers"], shown["observers"], shown["finished"]) == (1, 1, 0)
         assert http.get(f"{study['links']['self']}/observers/o-1").json()["answered"] == [0]
-
-    def test_are_in_redis_when_they_are_acknowledged(
-        self, http: httpx.Client, client: redis.Redis, job: Job
-    ) -> None:
-        study = made(http, job)
-        take_part(http, study)
-        answer(http, study, 3, seen=True)
-        # And so on the disk, for a farm's Redis writes its log before it answers
-        assert client.hexists(study_keys.study(study["id"], "answers"), "o-1:3")
 
     def test_are_exported_as_the_paper_s_table(self, http: httpx.Client, job: Job) -> None:
         study = made(http, job, name="BOX 1")

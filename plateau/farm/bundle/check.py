@@ -2,13 +2,12 @@
 
 An upload is a file of one of the formats of `plateau.farm.bundle.formats`, such as a Mitsuba XML,
 or a zip of one with its meshes and textures. Nothing in it is trusted. The API checks it before it
-stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer or reads
-a mesh.
+stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer.
 
 The check refuses what reaches beyond the bundle (paths, links, libraries that Mitsuba would load),
-what costs too much (bombs, include cycles, huge films), and unknown plugins where the limits name
-the known ones. Only a renderer, in a child process, judges the values, or reads a format that it
-alone knows.
+what costs too much (bombs, include cycles, huge films), unknown plugins where the limits name the
+known ones, and meshes and images that Mitsuba cannot read. Only a renderer, in a child process,
+judges the values, or reads a format that it alone knows.
 """
 
 import os

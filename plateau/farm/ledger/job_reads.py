@@ -77,22 +77,14 @@ class JobReads:
         with unavailable_as_farm_error():
             return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
 
-    def log(self, job_id: str) -> list[LogEntry]:
-        """How each try of a slice ended, by time: the newest 2000 or so with a log entry."""
+    def log(self, job_id: str, index: int | None = None) -> list[LogEntry]:
+        """How each try of a slice ended, or of this one; the newest 2000 or so that were noted."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.xrange(keys.job(job_id, "log"))
             pipe.hgetall(keys.job(job_id, "ledger"))
             entries, committed = pipe.execute()
-        return slice_log((fields for _, fields in entries), records.ledger(committed))
-
-    def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
-        """One slice's record in the ledger, if it has one, and how each try of it ended."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            pipe.xrange(keys.job(job_id, "log"))
-            pipe.hget(keys.job(job_id, "ledger"), str(index))
-            entries, record = pipe.execute()
-        ledger = records.ledger({} if record is None else {str(index): record})
-        written = (fields for _, fields in entries if fields["slice"] == str(index))
-        return ledger.get(index), slice_log(written, ledger)
+        wanted = None if index is None else str(index)
+        written = (one for _, one in entries if wanted in {None, one["slice"]})
+        ledger = {at: one for at, one in committed.items() if wanted in {None, at}}
+        return slice_log(written, records.ledger(ledger))

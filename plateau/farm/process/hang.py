@@ -121,7 +121,7 @@ class Hang:
     def _uninterruptible_wait(self) -> str | None:
         """Return the number of the thread's wait, if it is in one that no signal ends."""
         with suppress(OSError):
-            lines = self._status.read_text().splitlines()
+            lines = self._status.read_text(encoding="utf-8").splitlines()
             told = dict(line.split(":", 1) for line in lines)
             if told["State"].split()[0] == "D":
                 return told["voluntary_ctxt_switches"].strip()

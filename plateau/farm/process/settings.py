@@ -6,24 +6,13 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    SecretStr,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots, root_tag
 
 LogFormat = Literal["text", "json"]
-
-#: Least heartbeats in a lease, so that one may be late. After half a lease without any worker's
-#: heartbeat the whole farm counts as silent, and no lease is reclaimed (slices.lua).
-LEASE_HEARTBEATS: Final = 2.5
 
 #: The upper bound of most settings in seconds.
 _DAY_S: Final = 86_400.0
@@ -62,19 +51,9 @@ class Settings(BaseSettings):
     url: str = "http://127.0.0.1:8713"
     key: SecretStr | None = None
     key_file: _Path | None = None
-    key_requests_per_minute: float = Field(1200.0, gt=0, le=1e6)
-    key_burst: int = Field(200, ge=1, le=1_000_000)
-    key_upload_gb: float | None = Field(None, gt=0, le=_MOST_GB)
-    key_scenes_gb: float | None = Field(50.0, gt=0, le=2**30)
-    key_open_jobs: int = Field(10_000, ge=1, le=1_000_000_000)
     lease_s: float = Field(15.0, gt=0, le=_DAY_S)
-    heartbeat_s: float = Field(
-        default_factory=lambda known: min(5.0, known["lease_s"] / 3), gt=0, le=_DAY_S
-    )
-    pass_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
-    load_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
+    child_timeout_s: float = Field(1200.0, gt=0, le=_DAY_S)
     child_memory_gb: float | None = Field(None, gt=0, le=_MOST_GB)
-    workers_here: int = Field(1, gt=0, le=4096)
     max_upload_gb: float = Field(2.0, gt=0, le=_MOST_GB)
     threads: int | None = Field(None, gt=0, le=65_536)
     pool: PlaceName = DEFAULT_POOL
@@ -83,29 +62,14 @@ class Settings(BaseSettings):
     keep_results_days: float | None = Field(None, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
     keep_deleted_days: float = Field(7.0, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
     keep_sums_days: float = Field(3.0, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
-    keep_scenes_days: float | None = Field(None, ge=0, le=_MOST_DAYS, allow_inf_nan=False)
     plugins: Annotated[tuple[str, ...], NoDecode] = ()
     webhook_allow: Annotated[tuple[str, ...], NoDecode] = ()
     notify_file: _File = Field(None, repr=False)
     notify: Annotated[Tags, NoDecode] = ()
     notify_troubles: Annotated[Tags, NoDecode] = ()
-    trouble_after_s: float = Field(120.0, ge=0, le=_DAY_S)
     alive_file: _Path | None = None
-    label: str | None = Field(None, max_length=200)
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
     log_format: LogFormat = "text"
-
-    @field_validator("heartbeat_s")
-    @classmethod
-    def _fits_the_lease(cls, given: float, info: ValidationInfo) -> float:
-        lease_s = info.data.get("lease_s", given * LEASE_HEARTBEATS)
-        if lease_s < given * LEASE_HEARTBEATS:
-            raise ValueError(
-                f"a worker that renews its leases every {given:g} s loses those of {lease_s:g} s: "
-                f"set PLATEAU_LEASE_S to {given * LEASE_HEARTBEATS:g} at least, or "
-                f"PLATEAU_HEARTBEAT_S to {lease_s / LEASE_HEARTBEATS:g} at most"
-            )
-        return given
 
     @field_validator("tags", "plugins", "notify", "notify_troubles", mode="before")
     @classmethod
@@ -116,6 +80,15 @@ class Settings(BaseSettings):
     @classmethod
     def _read_roots(cls, given: object) -> object:
         return read_roots(given) if isinstance(given, str) else given
+
+    @property
+    def heartbeat_s(self) -> float:
+        """How often a worker renews its leases: three times in one, so that one may be late.
+
+        After half a lease without any worker's heartbeat the whole farm counts as silent, and no
+        lease is reclaimed (slices.lua).
+        """
+        return min(5.0, self.lease_s / 3)
 
     @property
     def page_url(self) -> str | None:

@@ -49,7 +49,7 @@ _ID: Final = "?" * 12
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger"),
-    *("seeds", "deaths", "spoiled", "events", "log"),
+    *("seeds", "deaths", "events", "log"),
 )
 
 _QUEUE: Final = (
@@ -68,7 +68,6 @@ _QUEUE: Final = (
     keys.WORKERS,
     keys.worker("*"),
     keys.HEARD,
-    keys.GRACE,
     keys.TOTALS,
     f"{PREFIX}told:*",
     # A job that fails leaves its key's open jobs.
@@ -93,7 +92,6 @@ _MONITOR: Final = (
     keys.SCENES,
     keys.SCENES_USED,
     keys.scene_going("*"),
-    keys.SWEPT,
     keys.TROUBLES,
     keys.MONITORS,
     keys.monitor("*"),
@@ -103,7 +101,6 @@ _MONITOR: Final = (
 )
 #: Beside those of a monitor.
 _API: Final = (
-    f"{PREFIX}created",
     f"{PREFIX}idempotency:*",
     f"{PREFIX}key:{_ID}:rate",
     keys.API_KEYS_USED,

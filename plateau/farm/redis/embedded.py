@@ -7,6 +7,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
-_LONGEST_SOCKET_PATH: Final = 100
+LONGEST_SOCKET_PATH: Final = 100
 _STOP_S: Final = 15.0
 _BLOCK_BYTES: Final = 4096
 #: A freshly rewritten log ends in a checksum, whose last bytes may be zero.
@@ -108,7 +109,7 @@ class EmbeddedRedis:
         # In the data folder, with the other files, unless its path would be too long.
         socket = data.absolute() / "redis.sock"
         self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
-        if len(os.fsencode(socket)) > _LONGEST_SOCKET_PATH:
+        if len(os.fsencode(socket)) > LONGEST_SOCKET_PATH:
             self._elsewhere = tempfile.TemporaryDirectory(prefix="plateau-redis-")
             socket = Path(self._elsewhere.name) / "redis.sock"
         self._log = data / "redis.log"
@@ -156,10 +157,13 @@ class EmbeddedRedis:
             preexec_fn=die_with_parent(),
         )
 
-    def await_ready(self) -> None:
-        """Return once the server answers, or stop it and raise `StoreUnavailable`."""
+    def await_ready(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Return once the server answers, or stop it and raise `StoreUnavailable`.
+
+        Raises `KeyboardInterrupt` where the wait is to be `stopped`.
+        """
         try:
-            self._wait_until_ready()
+            self._wait_until_ready(stopped)
             for folder in (self._data / "appendonlydir", self._data):  # the former from Redis 7 on
                 if folder.exists():
                     sync(folder)
@@ -167,7 +171,7 @@ class EmbeddedRedis:
             self._end()
             raise
 
-    def _wait_until_ready(self) -> None:
+    def _wait_until_ready(self, stopped: Callable[[], bool]) -> None:
         # The import takes a tenth of a second, in which the server starts.
         import redis
 
@@ -184,6 +188,8 @@ class EmbeddedRedis:
                 if self.process.poll() is not None or time.monotonic() > deadline:
                     words = self.last_words() or str(error)
                     raise StoreUnavailable(f"the embedded Redis did not start: {words}") from error
+                if stopped():
+                    raise KeyboardInterrupt from error
                 time.sleep(0.01)
         client.close()
 
@@ -193,7 +199,7 @@ class EmbeddedRedis:
 
     def last_words(self) -> str:
         """The end of its log."""
-        return self._log.read_text(errors="replace")[-500:] if self._log.exists() else ""
+        return self._log.read_text("utf-8", "replace")[-500:] if self._log.exists() else ""
 
     def stop(self) -> None:
         """Stop the server; its data stays."""

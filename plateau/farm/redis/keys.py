@@ -4,8 +4,9 @@
 key                       type    what                                                 lifetime
 ========================= ======= ==================================================== =========
 plateau:schema            string  version of this layout, see `ledger.schema`           for ever
-plateau:store             hash    id that the blob store has, too; `ledger.pairing`     for ever
-plateau:created           string  counter: jobs created so far                         for ever
+plateau:store             hash    ``id`` that the blob store has, too, and whether they   for ever
+                                  are ``paired``: `ledger.pairing`; jobs ``created``;
+                                  ``next_sweep_at`` (ms)
 plateau:jobs              zset    job id, scored by its number of creation             the job's
 plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
 plateau:jobs:unfinished   set     jobs that still need a monitor                       till done
@@ -34,7 +35,6 @@ plateau:gates             zset    gates of batches, scored by their numbers     
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
-plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
                                   for slices with which it was lost, ``left_out`` of jobs
@@ -42,9 +42,9 @@ plateau:monitors          zset    monitor id, scored by when its heartbeat is ov
 plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
                                   totals
 plateau:totals            hash    counters of the whole farm; see `ledger.totals`      for ever
-plateau:heard             string  time of the last heartbeat of any worker (ms)        for ever
+plateau:heard             hash    ``at``: time of the last heartbeat of any worker (ms);  for ever
+                                  ``spared_till``: until when no lease is taken from it
 plateau:told:BLOB         string  set when a worker was told that its partial is unused  1 h
-plateau:grace             string  set while no lease is taken from its worker          a lease
 plateau:keys              hash    key id → JSON of an API key; see `ledger.api_keys`     for ever
 plateau:keys:used         hash    key id → when it was last used (ms), to a minute     for ever
 plateau:key:ID:rate       string  when the key's bucket of requests is full again (ms) till then
@@ -70,13 +70,14 @@ plateau:job:ID:after      zset    gates that it waits for, in the order of its s
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
                                   zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
-plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
-plateau:job:ID:spoiled    hash    slice index → how often its partial was lost         till end
+plateau:job:ID:deaths     hash    slice index → JSON list of the causes; "INDEX forgiven",  till end
+                                  "INDEX spoiled" → how often it was, or its partial lost
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
 plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
 plateau:job:ID:log        stream  how tries of slices ended, and their output, ~2000   the job's
 plateau:job:ID:sealed     hash    fields that workers cannot change: the job's API key,  the job's
                                   ``owner`` and ``owner_name``; ``deleted_at`` (ms);
+                                  ``fence``, the fencing tokens given out;
                                   ``receivers`` of its notices, ``notice_url``,
                                   ``notice_secret``, "notice RECEIVER" → JSON of how it
                                   stands; ``whole_batch`` (JSON) where it was the last
@@ -87,7 +88,6 @@ plateau:job:ID:shot       hash    of a shot's first frame: ``frames`` (JSON of i
                                   number of ``looks``, ``look:0`` … (JSON), ``why``;
                                   ``over`` once it was the last
 plateau:job:ID:owner      string  fencing token of the monitor that owns the job       15 s
-plateau:job:ID:fence      string  counter: fencing tokens given out                    the job's
 ========================= ======= ==================================================== =========
 
 Channels carry only hints (a process that misses one looks again within some seconds):
@@ -120,12 +120,10 @@ BATCHES: Final = PREFIX + "batches"
 GATES: Final = PREFIX + "gates"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
-SWEPT: Final = PREFIX + "swept"
 WORKERS: Final = PREFIX + "workers"
 MONITORS: Final = PREFIX + "monitors"
 TOTALS: Final = PREFIX + "totals"
 HEARD: Final = PREFIX + "heard"
-GRACE: Final = PREFIX + "grace"
 API_KEYS: Final = PREFIX + "keys"
 API_KEYS_USED: Final = PREFIX + "keys:used"
 NOTICES: Final = PREFIX + "notices"
@@ -143,9 +141,9 @@ GROUP: Final = "workers"
 
 #: The keys of a job besides its hash.
 JOB_PARTS: Final = (
-    *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
+    *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths"),
     *("curve", "events", "log", "sealed", "digests"),
-    *("owner", "fence", "rounds", "after", "shot"),
+    *("owner", "rounds", "after", "shot"),
 )
 
 
@@ -203,8 +201,8 @@ local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
 local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
-local SCHEMA, STORE, SWEPT = '{SCHEMA}', '{STORE}', '{SWEPT}'
-local HEARD, GRACE = '{HEARD}', '{GRACE}'
+local SCHEMA, STORE = '{SCHEMA}', '{STORE}'
+local HEARD = '{HEARD}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
 local NOTICES, WAKE_NOTIFIER = '{NOTICES}', '{WAKE_NOTIFIER}'

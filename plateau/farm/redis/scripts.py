@@ -60,7 +60,7 @@ def _moves_in_lua() -> str:
 
 def _part(name: str) -> str:
     """The text of a file, in a block that keeps its locals."""
-    return f"do\n{(_LUA / f'{name}.lua').read_text()}end\n"
+    return f"do\n{(_LUA / f'{name}.lua').read_text(encoding='utf-8')}end\n"
 
 
 def library() -> str:
@@ -70,7 +70,7 @@ def library() -> str:
             f"local LAYOUT = '{versions.LAYOUT}'\n",
             keys.LUA,
             _moves_in_lua(),
-            (_LUA / "base.lua").read_text(),
+            (_LUA / "base.lua").read_text(encoding="utf-8"),
             f"local {', '.join(_NAMESPACES)} = {', '.join('{}' for _ in _NAMESPACES)}\n",
             *map(_part, _NAMESPACES.values()),
         )
@@ -83,7 +83,7 @@ def _commands(subjects: Iterable[str]) -> str:
 
 def for_workers() -> str:
     """All Lua that runs for a worker."""
-    return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text()
+    return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text(encoding="utf-8")
 
 
 @cache
@@ -100,7 +100,7 @@ def text(more: str = "") -> str:
                 for one in _FOR_FARM
             ),
             f"subjects[#subjects + 1] = function()\n{more}end\n" if more else "",
-            (_LUA / "dispatch.lua").read_text(),
+            (_LUA / "dispatch.lua").read_text(encoding="utf-8"),
         )
     )
 

@@ -129,17 +129,6 @@ class Log(BaseModel):
     entries: list[LogEntry] = Field(description="how each try of a slice ended, by time")
 
 
-class SliceLog(BaseModel):
-    """The log of a slice."""
-
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"slice": examples.SLICE, "entries": [examples.LOG_ENTRY]})
-    )
-
-    slice: SliceView | None = Field(description="its record in the ledger; null until it has one")
-    entries: list[LogEntry] = Field(description="how each try of it ended, by time")
-
-
 class Workers(BaseModel):
     """The workers that live."""
 

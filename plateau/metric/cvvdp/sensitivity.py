@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @cache
 def _table() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    text = files("plateau.metric.cvvdp").joinpath("castle_csf.json").read_text()
+    text = files("plateau.metric.cvvdp").joinpath("castle_csf.json").read_text(encoding="utf-8")
     parts = json.loads(text)
     luminance, frequency = (np.log10(parts[name]) for name in ("luminance", "frequency"))
     return luminance, frequency, np.array(parts["log10_sensitivity"])

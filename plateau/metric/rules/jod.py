@@ -61,6 +61,7 @@ class Jod(Rule):
     quantity: ClassVar[str] = "quality"
     unit: ClassVar[str] = "JOD"
     by_quality: ClassVar[bool] = True
+    least_side: ClassVar[int] = 4
 
     #: The quality to reach, in JOD.
     target: float = parameter(

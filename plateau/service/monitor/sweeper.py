@@ -48,7 +48,7 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
                     results_older_than_s=_seconds(settings.keep_results_days),
                     deleted_older_than_s=_seconds(settings.keep_deleted_days),
                     sums_older_than_s=_seconds(settings.keep_sums_days),
-                    scenes_unused_for_s=_seconds(settings.keep_scenes_days),
+                    scenes_unused_for_s=_seconds(settings.keep_results_days),
                 )
                 note_sweep(client)
                 _report(swept)

@@ -39,7 +39,7 @@ def drop_capabilities(needed: Path = Path(os.__file__)) -> None:
         return
     # A program could regain these. Without CAP_SETPCAP the calls fail, which does no harm: programs
     # are refused, and would get no new privileges.
-    last = int(Path("/proc/sys/kernel/cap_last_cap").read_text())
+    last = int(Path("/proc/sys/kernel/cap_last_cap").read_text(encoding="utf-8"))
     with suppress(OSError):
         for capability in range(last + 1):
             c_call("prctl", _PR_CAPBSET_DROP, capability, 0, 0, 0)
@@ -83,6 +83,6 @@ def refuse_new_privileges() -> None:
 
 def held() -> int:
     """Return the capabilities that this thread may use, one bit for each."""
-    status = Path("/proc/thread-self/status").read_text()
+    status = Path("/proc/thread-self/status").read_text(encoding="utf-8")
     permitted = next(line for line in status.splitlines() if line.startswith("CapPrm:"))
     return int(permitted.split()[1], 16)

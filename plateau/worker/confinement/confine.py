@@ -132,7 +132,7 @@ def try_here() -> tuple[Measure, ...]:
             [sys.executable, "-s", "-m", "plateau.worker.confinement.confine", kernels],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             check=True,
         )
     return tuple(Measure(**one) for one in json.loads(done.stdout))

@@ -43,7 +43,7 @@ def release(variant: str) -> str:
         return version(renderer_of(variant).package)
     said = ""
     with contextlib.suppress(OSError, subprocess.SubprocessError):
-        said = subprocess.check_output([program, "--version"], text=True, timeout=_VERSION_S)
+        said = subprocess.check_output([program, "--version"], encoding="utf-8", timeout=_VERSION_S)
     found = re.search(r"\d+(\.\d+)+", said)
     return found[0] if found else "of an unknown version"
 

@@ -39,7 +39,7 @@ class About:
             "threads": threads,
             "pool": settings.pool,
             "tags": tags,
-            "label": settings.label,
+            "label": _label(),
             "started_at": datetime.now(timezone.utc).isoformat(),
         }
         self.machine = MachineUse(settings.cache)
@@ -97,3 +97,10 @@ class About:
             "failures": self._failures,
             "trouble": trouble,
         }
+
+
+def _label() -> str | None:
+    """The task that Slurm has started the worker as; `plateau scale` knows it by that."""
+    job = os.environ.get("SLURM_ARRAY_JOB_ID") or os.environ.get("SLURM_JOB_ID")
+    task = os.environ.get("SLURM_ARRAY_TASK_ID")
+    return job and f"slurm:{job}{f'_{task}' if task else ''}"

@@ -134,7 +134,7 @@ class RenderChild:
             )
         )
         self.await_ready()
-        scene = self._expect(self._limits.load_timeout_s, "loading the scene", Loaded)
+        scene = self._expect(self._limits.timeout_s, "loading the scene", Loaded)
         try:
             channels = Channels(scene.channels, scene.ids)
             channels.check_size(scene.width, scene.height)
@@ -162,7 +162,7 @@ class RenderChild:
         assert self._scene is not None
         pixels = pixels_of(zones) if zones else self._scene.width * self._scene.height
         samples = pixels * max(one.spp for one in passes)
-        limit_s = self._watch.limit_s(self._limits.pass_timeout_s, samples)
+        limit_s = self._watch.limit_s(self._limits.timeout_s, samples)
         self._ask(contract.Render(passes=passes, glimpse=show is not None, zones=zones))
         while True:
             began = time.monotonic()

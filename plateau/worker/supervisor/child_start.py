@@ -27,8 +27,7 @@ class ChildLimits:
 
     threads: int
     memory_bytes: int  #: 0 for no limit
-    load_timeout_s: float
-    pass_timeout_s: float
+    timeout_s: float  #: to load a scene, or for a part of a pass while its pace is unknown
     open_files: int = 1024
     file_bytes: int = _LARGEST_FILMS_BYTES  #: of any file that it writes
 

@@ -61,7 +61,9 @@ def cards(*fields: str) -> list[list[str]]:
     command = [program, f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
     command += ["-i", named] if named else []
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", timeout=30, check=True
+        )
     except (OSError, subprocess.SubprocessError):
         return []
     return [line.split(", ") for line in done.stdout.splitlines()]

@@ -3,9 +3,6 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
-
-import psutil
 
 from plateau.farm.bundle.placed import path_for
 from plateau.farm.ledger.queue import Lease
@@ -17,11 +14,9 @@ from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from plateau.worker.supervisor.kinds import Kinds
+from plateau.worker.supervisor.machine import memory_for_children
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Glimpse, Rendered
-
-#: Share of the machine's memory for the children of all its workers, unless a limit is set.
-_MEMORY_SHARE: Final = 0.8
 
 
 class RenderHost:
@@ -57,6 +52,7 @@ class RenderHost:
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
+        lease.spec.require_size(scene.width, scene.height)
         schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
         first_seed, last_seed = schedule.seed_range(lease.index, lease.spp)
         zones = slice_zones(lease.spec, lease.round, scene.width, scene.height, scene.border)
@@ -124,8 +120,7 @@ class RenderHost:
         limits = ChildLimits(
             threads=self._threads,
             memory_bytes=self._memory_bytes() if variant_named(variant).is_confined else 0,
-            load_timeout_s=self._settings.load_timeout_s,
-            pass_timeout_s=self._settings.pass_timeout_s,
+            timeout_s=self._settings.child_timeout_s,
         )
         home = self._settings.cache / "home"
         readable = [self._scenes.folder, *self._scenes.placed.folders]
@@ -135,8 +130,7 @@ class RenderHost:
     def _memory_bytes(self) -> int:
         if self._settings.child_memory_gb:
             return int(self._settings.child_memory_gb * 1e9)
-        total: int = psutil.virtual_memory().total
-        return int(_MEMORY_SHARE * total / self._settings.workers_here)
+        return int(memory_for_children())
 
     def _load(self, child: RenderChild, lease: Lease) -> Loaded:
         spec = lease.spec

@@ -69,5 +69,7 @@ def system_libraries() -> list[tuple[str, str]]:
     ldconfig = shutil.which("ldconfig") or shutil.which("ldconfig", path="/sbin:/usr/sbin")
     if ldconfig is None:
         return []
-    listing = subprocess.run([ldconfig, "-p"], capture_output=True, text=True, check=False).stdout
+    listing = subprocess.run(
+        [ldconfig, "-p"], capture_output=True, encoding="utf-8", check=False
+    ).stdout
     return re.findall(r"^\s*(\S+) \(.*\) => (\S+)$", listing, re.MULTILINE)

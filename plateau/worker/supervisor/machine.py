@@ -26,6 +26,11 @@ def hottest(sensors: Mapping[str, Iterable[Reading]]) -> float | None:
     return max(found, default=None)
 
 
+def memory_for_children() -> float:
+    """Bytes of this machine's memory for the render children of its workers, without a limit."""
+    return 0.8 * psutil.virtual_memory().total
+
+
 class MachineUse:
     """How this machine is used."""
 

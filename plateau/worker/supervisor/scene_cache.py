@@ -74,7 +74,7 @@ class SceneCache:
             self._unpack(sha256, home)
         with _disk_errors(self.folder):
             self._forget_oldest()
-            return home / "files", (home / "entry").read_text()
+            return home / "files", (home / "entry").read_text(encoding="utf-8")
 
     def _is_there(self, home: Path) -> bool:
         """Return whether the scene is unpacked; if so, it is in use from now on."""
@@ -96,7 +96,7 @@ class SceneCache:
                 entry = unpack_bundle(bundle, making / "files")
                 self.placed.name(making / "files", home.absolute() / "files")
                 bundle.unlink()
-                (making / "entry").write_text(entry)
+                (making / "entry").write_text(entry, encoding="utf-8")
                 sync_tree(making)  # else a power loss might leave a scene of empty files
                 _move(making, home)
                 os.utime(home)

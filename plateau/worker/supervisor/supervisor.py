@@ -19,6 +19,7 @@ from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
+from plateau.farm.model.spec.shared import FilmTooSmall
 from plateau.farm.process import log
 from plateau.farm.process.child import HANGS
 from plateau.farm.process.hang import Hang
@@ -79,7 +80,7 @@ class Supervisor:
         )
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
-        loading_s = START_TIMEOUT_S + settings.load_timeout_s
+        loading_s = START_TIMEOUT_S + settings.child_timeout_s
         placed = PlacedFiles(roots, FileHashes(settings.hashes))
         scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s, placed=placed)
         self._kinds = Kinds(settings.cache, choice)
@@ -178,7 +179,7 @@ class Supervisor:
         except Cancelled:
             why = _STOPS if self._stop.is_set() else "it was cancelled"
             self._reports.hand_back(lease, why, self._tried(started))
-        except (SceneError, BundleError, SeedsExhausted) as error:
+        except (SceneError, BundleError, SeedsExhausted, FilmTooSmall) as error:
             tried = self._tried(started)
             if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
                 self._reports.fail(lease, str(error), tried)

@@ -31,7 +31,7 @@ def test_a_shot_is_within_what_the_metric_judges() -> None:
         one for one in jod.metadata if isinstance(one, Ge | Le)
     ]
     assert ShotSpec.model_fields["target"].default == jod.default
-    assert LEAST_SIDE == LEAST_SIZE
+    assert LEAST_SIDE == LEAST_SIZE == SPECS["jod"]().behaviour.least_side
 
 
 def test_rules_and_their_defaults_agree() -> None:

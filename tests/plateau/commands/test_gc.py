@@ -98,10 +98,9 @@ def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> No
 
 
 def test_the_settings_set_the_limits_too(tmp_path: Path, data: Path) -> None:
-    limits = {"PLATEAU_KEEP_RESULTS_DAYS": "0", "PLATEAU_KEEP_SCENES_DAYS": "7"}
-    said = Gc(tmp_path, **limits)()
+    said = Gc(tmp_path, PLATEAU_KEEP_RESULTS_DAYS="0")()
     assert "jobs           1  finished more than 0 days ago" in said
-    assert "scenes         0  of no job, last used more than 7 days ago" in said
+    assert "scenes         0  of no job, last used more than 0 days ago" in said
     assert kept(data) == (1, 1)
 
 

@@ -82,14 +82,9 @@ class TestTheCommands:
         assert "that was the last key" in say("keys", "revoke", shown[1])[1]
         assert json.loads(say("keys", "list", "--json")[0])[0]["revoked_at"] is not None
 
-    def test_take_their_limits_from_the_settings(self, say: Say) -> None:
-        document = json.loads(
-            say(
-                *("keys", "create", "me", "--json", "--burst", "9"),
-                PLATEAU_KEY_UPLOAD_GB="0.5",
-                PLATEAU_KEY_BURST="5",
-            )[0]
-        )
+    def test_take_their_limits_from_options(self, say: Say) -> None:
+        options = ("--burst", "9", "--upload-gb", "0.5")
+        document = json.loads(say("keys", "create", "me", "--json", *options)[0])
         assert SHOWN.fullmatch(document["key"] + "\n")
         assert document["limits"] == {
             "requests_per_minute": 1200.0,

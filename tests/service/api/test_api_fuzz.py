@@ -87,12 +87,12 @@ _DEAR = {
         for name in (
             *("image.png", "image.exr", "difference.png", "noise.png", "quality.png", "spp.png"),
             *("non-finite.png", "report.html", "curve.csv", "log", "slices", "previews"),
-            *("results.zip", "slices/{index}/log"),
+            "results.zip",
         )
     ),
     *(f"POST /v1/jobs/{{job_id}}/{call}" for call in ("pause", "resume", "restore")),
     *(f"POST /v1/batches/{{name}}/{call}" for call in ("pause", "resume", "restore")),
-    *("GET /v1/batches/{name}/shot/film.png", "GET /v1/batches/{name}/results.zip"),
+    *("GET /v1/batches/{name}/shot/film.png", "GET /v1/results.zip"),
     *("POST /v1/workers/{worker_id}/resume", "GET /v1/usage.csv"),
 }
 

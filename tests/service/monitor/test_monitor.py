@@ -92,7 +92,9 @@ def test_another_monitor_takes_over_and_changes_nothing(
     assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
     images = [decode_image(farm.picture(job, "image.exr")) for job in (undisturbed, disturbed)]
     np.testing.assert_array_equal(*images)
-    assert int(client.get(keys.job(disturbed.id, "fence"))) > 2  # it did change hands
+    assert (
+        int(str(client.hget(keys.job(disturbed.id, "sealed"), "fence"))) > 2
+    )  # it did change hands
 
 
 def test_results_are_written_though_the_monitor_died_after_the_verdict(

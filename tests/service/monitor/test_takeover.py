@@ -116,7 +116,7 @@ def test_each_job_has_one_monitor_and_the_next_as_soon_as_that_one_leaves(
         farm.render(6 * 4)
         until(lambda: all(farm.jobs.get(job.id).finished_at for job in jobs))
     # Each was owned by one at a time: its tokens were given out one after the other
-    assert {int(client.get(keys.job(job.id, "fence"))) for job in jobs} <= {1, 2}
+    assert {int(str(client.hget(keys.job(job.id, "sealed"), "fence"))) for job in jobs} <= {1, 2}
 
 
 LEASE_S = 2.0

@@ -118,15 +118,5 @@ class FaultyFarm(RealFarm):
     def resume(self, process: subprocess.Popen[bytes]) -> None:
         os.kill(process.pid, signal.SIGCONT)
 
-    def submit_half_way(self, **spec: object) -> str:
-        """A job that is in the middle of its work, though this process be slow to look at it."""
-
-        def half_way() -> str | None:
-            job = self.submit(**spec).id
-            until(lambda: self.jobs.get(job).points >= 3)
-            return None if self.jobs.get(job).state.ended else job
-
-        return until(half_way)
-
     def wait_for_workers(self, count: int) -> None:
         until(lambda: len(self.client.workers()) == count)

@@ -21,6 +21,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
 from tests.support.processes.forked import ForkServer
+from tests.support.until import until
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 
@@ -35,6 +36,16 @@ class Farm:
 
     def submit(self, scene: Path = BOX, **spec: object) -> JobView:
         return self.client.submit(scene, JobSpec.model_validate(spec))
+
+    def submit_half_way(self, scene: Path = BOX, **spec: object) -> str:
+        """A job that is in the middle of its work, though this process be slow to look at it."""
+
+        def half_way() -> str | None:
+            job = self.submit(scene, **spec).id
+            until(lambda: self.jobs.get(job).points >= 3)
+            return None if self.jobs.get(job).state.ended else job
+
+        return until(half_way)
 
     def image(self, job: JobView) -> Pixels:
         return decode_image(self.client.image(job.id, "image.exr"))
@@ -68,7 +79,6 @@ class RealFarm(Farm):
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_THREADS": "1",
             # So that a killed process is missed soon.
-            "PLATEAU_HEARTBEAT_S": "0.5",
             "PLATEAU_LEASE_S": "2",
             **settings,
         }

@@ -26,12 +26,12 @@ from tests.support.until import until
 RESULTS = ("image.exr", "image.png", "thumbnail.png", "facts.json")
 
 #: What Redis keeps of a job that is finished.
-KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "fence", "shot"}
+KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "sealed", "shot"}
 
 #: Keys that Redis has where there is no job.
 _OF_THE_FARM = {
-    *(keys.SCHEMA, keys.STORE, "plateau:created", keys.SCENES, keys.SCENES_USED, keys.SWEPT),
-    *(keys.HEARD, keys.GRACE, keys.TOTALS, keys.MONITORS),
+    *(keys.SCHEMA, keys.STORE, keys.SCENES, keys.SCENES_USED),
+    *(keys.HEARD, keys.TOTALS, keys.MONITORS),
     *(keys.WORKERS, keys.API_KEYS, keys.API_KEYS_USED),
 }
 #: And those of a day, of an hour, and until somebody is woken.
@@ -136,8 +136,7 @@ def check_job(
     assert set(store.names(f"jobs/{job_id}/")) == expected
     # And Redis keeps nothing that only a running job needs
     left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))
-    kept = KEPT | ({"sealed"} if job.owner or job.spec.notice.receivers else set())
-    assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= kept
+    assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= KEPT
     assert client.zscore(keys.OPEN, job_id) is None
     assert not client.sismember(keys.UNFINISHED, job_id)
 

@@ -18,7 +18,7 @@ from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.images import independence
 
 VARIANT = "analytic:numpy"
-LIMITS = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)
+LIMITS = ChildLimits(threads=1, memory_bytes=0, timeout_s=60)
 SCHEDULE = SeedSchedule(VARIANT, 32, 24, 25, 10_000, job_seed=3)
 
 #: Two-sided, of each test that compares a mean; the seeds are fixed, so it fails always or never.

@@ -34,8 +34,7 @@ class Children:
     def __call__(self, variant: str = "scalar_rgb", **tighter: int) -> RenderChild:
         limits = ChildLimits(
             **{"threads": 2, "memory_bytes": 8 << 30, **tighter},
-            load_timeout_s=120,
-            pass_timeout_s=120,
+            timeout_s=120,
         )
         scenes = [BOX, self.home.parent]
         child = RenderChild(variant, library_for(variant), limits, self.home, scenes)

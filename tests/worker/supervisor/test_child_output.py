@@ -16,7 +16,7 @@ from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.until import until
 from tests.worker.supervisor.test_supervisor import SCENE, Bench, the_child
 
-LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
+LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, timeout_s=60)
 #: Mitsuba warns of the parameter, and renders.
 WARNED_OF = SCENE.format(integrator="path").replace(
     '<film type="hdrfilm">', '<film type="hdrfilm"><boolean name="compensate" value="true"/>'

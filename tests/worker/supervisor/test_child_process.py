@@ -28,7 +28,7 @@ from tests.support.faults.loop_disk import LoopDisk
 from tests.support.scenes.bundles import PLY, mesh, scene
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
-LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
+LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, timeout_s=60)
 SMALL = {"width": "16", "height": "12"}
 LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for
 
@@ -211,10 +211,10 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
 
 
 def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
-    limits = ChildLimits(threads=2, memory_bytes=0, load_timeout_s=60, pass_timeout_s=0.5)
+    limits = ChildLimits(threads=2, memory_bytes=0, timeout_s=5)
     child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
-    with pytest.raises(ChildDied, match=r"rendering a pass took longer than 0\.5 s"):
+    with pytest.raises(ChildDied, match=r"rendering a pass took longer than 5 s"):
         child.render(LONG)
     assert not psutil.pid_exists(child.pid)
 
@@ -269,7 +269,7 @@ def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> 
 
 
 def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
-    limits = ChildLimits(threads=1, memory_bytes=1 << 30, load_timeout_s=60, pass_timeout_s=60)
+    limits = ChildLimits(threads=1, memory_bytes=1 << 30, timeout_s=60)
     child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
     child.load(BOX, "scene.xml", {"width": "8192", "height": "8192"}, 0)
     with pytest.raises(ChildDied, match=r"out of memory|SIGABRT"):
@@ -282,7 +282,7 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
         "import sys, time; from pathlib import Path\n"
         "from plateau.worker.supervisor.child_process import RenderChild\n"
         "from plateau.worker.supervisor.child_start import ChildLimits\n"
-        "limits = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)\n"
+        "limits = ChildLimits(threads=1, memory_bytes=0, timeout_s=60)\n"
         "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1]), []).pid, flush=True)\n"
         "time.sleep(60)"
     )

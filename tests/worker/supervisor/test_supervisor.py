@@ -70,9 +70,7 @@ class Bench:
         check_schema(client)  # as every process does first
         self.client, self.store = client, store
         self.jobs, self.owners = Jobs(client), Ownerships(client, 60)
-        self.settings = Settings(
-            redis_url=url, cache=folder / "cache", threads=2, heartbeat_s=0.2, lease_s=5.0
-        )
+        self.settings = Settings(redis_url=url, cache=folder / "cache", threads=2, lease_s=5.0)
 
     def job(self, slices: int, scene: str | bytes = "", **spec: object) -> tuple[Job, Ownership]:
         content = scene or SCENE.format(integrator="path")
@@ -195,6 +193,10 @@ BAD: dict[str, tuple[str, dict[str, object]]] = {
     "distinct seeds": (
         PLAIN,
         {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
+    ),
+    "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
+        PLAIN,
+        {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
     ),
     "nonsense": ("<scene version='3.0.0'><nonsense/></scene>", {}),
     "neither a Mitsuba XML nor": ("no scene at all", {}),
@@ -409,8 +411,12 @@ def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
     assert (returned.what, returned.cause) == ("handed-back", "the worker stops")
 
 
-def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None:
-    bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5, "label": "slurm:7_1"})
+def test_a_worker_without_work_leaves_where_it_was_told_to(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5})
+    monkeypatch.setenv("SLURM_ARRAY_JOB_ID", "7")
+    monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "1")
     job, _ = bench.job(slices=3)
     worker = Supervisor(bench.settings, scalar(), bench.store, Stop())
     thread = threading.Thread(target=worker.run)

@@ -114,7 +114,7 @@ class Submission:
         # Blender's program takes what follows -- as the script's.
         if "--python" in command:
             command.insert(-1, "--")
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
         try:
             left = next(
                 json.loads(line)

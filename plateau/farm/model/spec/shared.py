@@ -79,6 +79,10 @@ After = Annotated[
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 
 
+class FilmTooSmall(ValueError):
+    """A rule of the job cannot judge so small an image."""
+
+
 class SharedSpec(Strict):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
@@ -250,6 +254,16 @@ class SharedSpec(Strict):
     def by_quality(self) -> bool:
         """Whether one of its rules goes by the quality by ColorVideoVDP."""
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
+
+    def require_size(self, width: int, height: int) -> None:
+        """Raise `FilmTooSmall` where one of its rules cannot judge an image of this size."""
+        for rule in (self.rule, *self.watch):
+            least = rule.behaviour.least_side
+            if min(width, height) < least:
+                raise FilmTooSmall(
+                    f"the rule {rule.name} judges images of {least}×{least} pixels or more, and "
+                    f"this one has {width}×{height}: make the film larger, or name another rule"
+                )
 
     @property
     def film_values(self) -> int:

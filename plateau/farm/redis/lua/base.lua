@@ -20,10 +20,23 @@ end
 -- Does a field of decoded JSON have a value?
 local function given(value) return value ~= nil and value ~= cjson.null end
 
--- Add to a total of the whole farm; see plateau/farm/ledger/totals.py.
-local function count(total, more)
-  redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
+-- A hash as a table.
+local function table_of(key)
+  local found, flat = {}, redis.call('HGETALL', key)
+  for i = 1, #flat, 2 do found[flat[i]] = flat[i + 1] end
+  return found
 end
+
+-- Set a field of a hash, or a member's score, or remove it where there is no value.
+local function put(key, field, value)
+  if value then redis.call('HSET', key, field, value) else redis.call('HDEL', key, field) end
+end
+local function rank(key, member, score)
+  if score then redis.call('ZADD', key, score, member) else redis.call('ZREM', key, member) end
+end
+
+-- Add to a total of the whole farm; see plateau/farm/ledger/totals.py.
+local function count(total, more) redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1)) end
 
 -- The start or the end of a text, up to `most` bytes, without half a character of UTF-8.
 local function head(text, most)

@@ -20,9 +20,7 @@ function Job.show(id, results, spp, digests)
   for _, blob in ipairs(redis.call('HKEYS', job_key(id, 'digests'))) do
     if string.sub(blob, 1, 8) == 'results/' then redis.call('HDEL', job_key(id, 'digests'), blob) end
   end
-  for blob, sha256 in pairs(digests) do
-    redis.call('HSET', job_key(id, 'digests'), blob, sha256)
-  end
+  for blob, sha256 in pairs(digests) do redis.call('HSET', job_key(id, 'digests'), blob, sha256) end
 end
 
 -- The total of the job's pauses (ms), a present one included.
@@ -78,12 +76,7 @@ end
 function Job.leave_batch(id)
   local batch = redis.call('HGET', job_key(id), 'batch')
   if not batch or batch == '' or redis.call('ZREM', batch_key(batch), id) == 0 then return end
-  local newest = redis.call('ZREVRANGE', batch_key(batch), 0, 0, 'WITHSCORES')
-  if newest[1] then
-    redis.call('ZADD', BATCHES, newest[2], batch)
-  else
-    redis.call('ZREM', BATCHES, batch)
-  end
+  rank(BATCHES, batch, redis.call('ZREVRANGE', batch_key(batch), 0, 0, 'WITHSCORES')[2])
 end
 
 -- Has the job not ended?
@@ -113,9 +106,7 @@ function Job.withdraw(id)
       redis.call('ZREM', LEASES, id .. ' ' .. lease[1])
     end
   end
-  for _, part in ipairs({'slices', 'lost', 'leases', 'paces', 'outrun'}) do
-    redis.call('DEL', job_key(id, part))
-  end
+  for _, part in ipairs({'slices', 'lost', 'leases', 'paces', 'outrun'}) do redis.call('DEL', job_key(id, part)) end
   redis.call('HSET', job_key(id), 'ready', 0, 'leased', 0)
 end
 
@@ -127,7 +118,7 @@ function Job.end_with(id, target, ended_by, reason, failed_slice)
   if target == 'converged' then note_saved(id) end
   redis.call('HSET', job_key(id), 'ended_at', now())
   Job.withdraw(id)
-  redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))
+  redis.call('DEL', job_key(id, 'deaths'))
   redis.call('ZREM', OPEN, id)
   local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
   if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
@@ -140,12 +131,16 @@ end
 
 -- A queued job that had to wait may be rendered from now on.
 function Job.may_begin(id, why)
-  redis.call('HSET', job_key(id), 'reason', 'waiting for a worker')
-  changed[id], has_more[id] = true, true
-  Outbox.announce(id, 'state', {from = 'queued', to = 'queued', reason = why})
+  has_more[id] = true
+  Job.note_queued(id, why, 'waiting for a worker')
 end
 
 -- Is this the token of the monitor that owns the job?
-function Job.is_owned(id, token)
-  return redis.call('GET', job_key(id, 'owner')) == token
+function Job.is_owned(id, token) return redis.call('GET', job_key(id, 'owner')) == token end
+
+-- Note why a queued job waits, or waits no more.
+function Job.note_queued(id, reason, words)
+  redis.call('HSET', job_key(id), 'reason', words or reason)
+  changed[id] = true
+  Outbox.announce(id, 'state', {from = 'queued', to = 'queued', reason = reason})
 end

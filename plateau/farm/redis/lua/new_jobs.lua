@@ -39,31 +39,24 @@ function New.remember_request(idempotency, digest, id)
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
--- The job's owner leaves its hash, which workers may write. It keeps the party in whose share of the workers
--- the job counts.
-local function seal_owner(id, owner, key)
-  redis.call('HDEL', job_key(id), 'owner')
-  if not owner then return end
-  redis.call('HSET', job_key(id, 'sealed'), 'owner', owner, 'owner_name', key.name or '')
-  redis.call('HSET', job_key(id), 'party', owner)
-end
-
 -- A new job, queued, with its id and the fields of its two hashes.
 function New.job(job, priority, reason)
-  local id, number = job.id, redis.call('INCR', PREFIX .. 'created')
+  local id, number = job.id, redis.call('HINCRBY', STORE, 'created', 1)
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
              'created_at', now(), 'number', number)
   for field, value in pairs(job.fields) do redis.call('HSET', job_key(id), field, value) end
   for field, value in pairs(job.sealed) do redis.call('HSET', job_key(id, 'sealed'), field, value) end
-  local owner, key = owner_among(job.fields)
-  seal_owner(id, owner, key)
+  redis.call('HDEL', job_key(id), 'owner')  -- it is sealed, since workers may write this hash
   redis.call('ZADD', JOBS, number, id)
   redis.call('ZADD', in_state_key('queued'), number, id)
   Job.join_batch(id)
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
   redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL, 1)
+  local owner, key = owner_among(job.fields)
   if owner then
+    redis.call('HSET', job_key(id, 'sealed'), 'owner', owner, 'owner_name', key.name or '')
+    redis.call('HSET', job_key(id), 'party', owner)  -- in whose share of the workers the job counts
     redis.call('SADD', api_key_key(owner, 'open'), id)
     redis.call('ZADD', api_key_key(owner, 'jobs'), number, id)
   end

@@ -12,13 +12,8 @@ function Outbox.due_key(receiver) return NOTICES .. ':' .. receiver end
 -- receiver is due when the first of its notices is.
 function Outbox.schedule(id, receiver, at)
   local due = Outbox.due_key(receiver)
-  if at then redis.call('ZADD', due, at, id) else redis.call('ZREM', due, id) end
-  local first = redis.call('ZRANGE', due, 0, 0, 'WITHSCORES')
-  if first[1] then
-    redis.call('ZADD', NOTICES, first[2], receiver)
-  else
-    redis.call('ZREM', NOTICES, receiver)
-  end
+  rank(due, id, at)
+  rank(NOTICES, receiver, redis.call('ZRANGE', due, 0, 0, 'WITHSCORES')[2])
 end
 
 -- A job's notice to a receiver, and how it stands; nil where there is none.

@@ -7,9 +7,7 @@ function Slice.record(id, index)
 end
 
 -- The seeds of a committed slice, as text.
-function Slice.seeds(record)
-  return string.format('%.0f-%.0f', record.first_seed, record.last_seed)
-end
+function Slice.seeds(record) return string.format('%.0f-%.0f', record.first_seed, record.last_seed) end
 
 -- The round of a slice as JSON, if an image has decided it; false for a slice of the whole film.
 function Slice.round(id, index)
@@ -29,6 +27,11 @@ function Slice.count_samples(id, samples)
   if redis.call('HEXISTS', job_key(id), 'by_zones') == 1 then
     redis.call('HINCRBY', job_key(id), 'committed_samples', string.format('%.0f', samples))
   end
+end
+
+-- The entry of the job's stream among those that workers hold, or nil.
+function Slice.pending(id, entry)
+  return redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)[1]
 end
 
 -- The slice of this entry needs no worker any more.
@@ -56,9 +59,7 @@ end
 -- No living worker has the slice by this entry. A second try continues.
 local function forget_holder(id, index, entry)
   local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
-  if string.match(noted, '^%S+ %S+ (%S+)$') == entry then
-    redis.call('HDEL', job_key(id, 'leases'), index)
-  end
+  if string.match(noted, '^%S+ %S+ (%S+)$') == entry then redis.call('HDEL', job_key(id, 'leases'), index) end
 end
 
 -- A worker has an entry of the job's stream from now on, or renews it.
@@ -83,17 +84,17 @@ end
 -- Does this worker hold the lease on this entry of the job's stream?
 function Slice.holds(id, entry, worker)
   if redis.call('EXISTS', job_key(id, 'slices')) == 0 then return false end
-  local pending = redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)
-  return pending[1] ~= nil and pending[1][2] == worker, pending[1] and pending[1][4]
+  local pending = Slice.pending(id, entry)
+  return pending ~= nil and pending[2] == worker, pending and pending[4]
 end
 
 -- Was the whole farm silent until a moment ago, since Redis was away or cut off? Leases ran out that nobody
 -- could renew, so for the length of a lease none is taken from its worker.
 function Slice.is_farm_silent(lease_ms)
-  if redis.call('EXISTS', GRACE) == 1 then return true end
-  local heard = redis.call('GET', HEARD)
+  local heard, spared_till = unpack(redis.call('HMGET', HEARD, 'at', 'spared_till'))
+  if spared_till and now() - spared_till < 0 then return true end
   if not heard or now() - heard <= lease_ms / 2 then return false end
-  redis.call('SET', GRACE, '1', 'PX', lease_ms)
+  redis.call('HSET', HEARD, 'spared_till', string.format('%.3f', now() + lease_ms))
   return true
 end
 
@@ -156,7 +157,7 @@ function Slice.settle(id, index, entry, worker)
   for _, other in ipairs({first, second ~= '' and second or nil}) do
     if other ~= entry then
       if redis.call('ZSCORE', LEASES, id .. ' ' .. other) then
-        local held = redis.call('XPENDING', job_key(id, 'slices'), GROUP, other, other, 1)[1]
+        local held = Slice.pending(id, other)
         local started = other == first and since or string.match(other, '^%d+')
         local pace = math.max(redis.call('HGET', job_key(id, 'paces'), held[2]) or 0, now() - started)
         redis.call('HSET', job_key(id, 'paces'), held[2], string.format('%.0f', pace))
@@ -171,10 +172,7 @@ function Slice.settle(id, index, entry, worker)
   local committed = redis.call('HLEN', job_key(id, 'ledger'))
   prefix = prefix and string.match(prefix, '^%d+$') and tonumber(prefix) or 0
   if prefix > committed then prefix = 0 end
-  for index = prefix, committed - 1 do
-    if redis.call('HEXISTS', job_key(id, 'ledger'), index) == 0 then break end
-    prefix = index + 1
-  end
+  while prefix < committed and redis.call('HEXISTS', job_key(id, 'ledger'), prefix) == 1 do prefix = prefix + 1 end
   redis.call('HSET', job_key(id), 'prefix', prefix)
   changed[id] = true
 end
@@ -215,11 +213,7 @@ function Slice.forgive(worker)
       if cause ~= 'worker ' .. worker .. ' was lost' then left[#left + 1] = cause end
     end
     if #left < #causes and redis.call('HINCRBY', deaths, forgiven, 1) <= MOST_FORGIVEN then
-      if left[1] then
-        redis.call('HSET', deaths, index, cjson.encode(left))
-      else
-        redis.call('HDEL', deaths, index)
-      end
+      put(deaths, index, left[1] and cjson.encode(left))
     end
   end
 end

@@ -24,13 +24,6 @@ local function priority_of(queue) return tonumber(string.match(queue, '^%S+')) e
 -- A number that sorts as text, and what it belongs to.
 local function sortable(number, member) return string.format('%016.0f %s', number, member) end
 
--- A party's leased spp by priority, and its entries by queue.
-local function share_of(party)
-  local share, flat = {}, redis.call('HGETALL', party)
-  for i = 1, #flat, 2 do share[flat[i]] = flat[i + 1] end
-  return share
-end
-
 local function add_leased(party, priority, spp)
   if priority == '' or spp == 0 then return end
   if redis.call('HINCRBY', party, priority, spp) == 0 then redis.call('HDEL', party, priority) end
@@ -49,17 +42,13 @@ local function put_first_forward(own, among, party, share, queue)
   local first, was = redis.call('ZRANGE', own, 0, 0, 'WITHSCORES'), share[queue]
   local entry = first[1] and sortable(first[2], first[1])
   if was and was ~= entry then redis.call('ZREM', among, was) end
-  if entry then
-    redis.call('ZADD', among, leased_from(share, priority_of(queue)), entry)
-    if was ~= entry then redis.call('HSET', party, queue, entry) end
-  elseif was then
-    redis.call('HDEL', party, queue)
-  end
+  if entry then redis.call('ZADD', among, leased_from(share, priority_of(queue)), entry) end
+  if was ~= entry then put(party, queue, entry) end
 end
 
 -- Do so in each queue in which the party has an entry, and in these, where '' means none.
 local function put_forward(party, keys_of, ...)
-  local share, queues = share_of(party), {}
+  local share, queues = table_of(party), {}  -- its leased spp by priority, and its entries by queue
   for field in pairs(share) do
     if string.find(field, ' ') then queues[field] = true end
   end
@@ -201,12 +190,8 @@ local function file_late(id, state, class, late_ms, prefix, was)
   local late = since and string.format('%.3f %s', since + (slow and 0 or late_ms), class) or false
   if late == was then return end
   if was then redis.call('ZREM', LATE, id .. ' ' .. string.match(was, ' (.+)$')) end
-  if late then
-    redis.call('HSET', job_key(id), 'late', late)
-    redis.call('ZADD', LATE, string.match(late, '^%S+'), id .. ' ' .. class)
-  else
-    redis.call('HDEL', job_key(id), 'late')
-  end
+  put(job_key(id), 'late', late)
+  if late then redis.call('ZADD', LATE, string.match(late, '^%S+'), id .. ' ' .. class) end
 end
 
 -- The queue in which a job waits; '' without slices to lease, or while they must not be leased.
@@ -238,11 +223,7 @@ local function file(id)
   end
   was = was or NOT_FILED
   if filed == was then return end
-  if filed == NOT_FILED then
-    redis.call('HDEL', job_key(id), 'filed')
-  else
-    redis.call('HSET', job_key(id), 'filed', filed)
-  end
+  put(job_key(id), 'filed', filed ~= NOT_FILED and filed)
   local old_priority, old_spp, old_queue = string.match(was, '^(%S*) (%d+) (.*)$')
   owner, batch = owner or '', batch and batch ~= '' and batch or nil
   for _, party in ipairs({share_key(owner), batch and share_key(owner, batch)}) do
@@ -265,11 +246,7 @@ local function file(id)
     return Waiting.key(of, owner), Waiting.key(of)
   end, old_queue, queue)
   for _, of in ipairs({old_queue, queue}) do
-    if of ~= '' and redis.call('EXISTS', Waiting.key(of)) == 0 then
-      redis.call('ZREM', WAITING, of)
-    elseif of ~= '' then
-      redis.call('ZADD', WAITING, priority_of(of), of)
-    end
+    if of ~= '' then rank(WAITING, of, redis.call('EXISTS', Waiting.key(of)) == 1 and priority_of(of)) end
   end
 end
 

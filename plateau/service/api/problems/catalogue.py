@@ -277,12 +277,13 @@ NO_SCENE_ROOTS: Final = INVALID_REQUEST.of(
     "scene_path", "this service has no scene roots (PLATEAU_SCENE_ROOTS); send the scene as a file")
 UNTIL_BEFORE_SINCE: Final = INVALID_REQUEST.of(
     "until", "it has to be later than since, and {until} is not later than {since}")
+NO_JOBS_NAMED: Final = INVALID_REQUEST.of("job", "name a job or a batch")
 NO_TIME: Final = INVALID_REQUEST.of("{name}", "{text} is no time: {error}")
 INVALID_SPEC: Final = ProblemType(
     "invalid-spec", 422, "Invalid job spec",
     "{said}", members=("errors",), example={"said": "spec.max_spp: must be at least 1"})
 CANNOT_FOLLOW: Final = INVALID_SPEC.of("spec.after", "{error}")
-NO_SEEDS_LEFT: Final = INVALID_SPEC.of("{field}", "{error}")
+UNFIT_FILM: Final = INVALID_SPEC.of("{field}", "{error}")
 SIZE_UNKNOWN: Final = INVALID_SPEC.of(
     "{field}",
     "the frames of a shot have one size, which the renderer alone knows of this scene: set the "

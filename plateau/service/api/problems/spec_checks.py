@@ -9,6 +9,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
 from plateau.farm.model.spec.parts import LEAST_SIDE
+from plateau.farm.model.spec.shared import FilmTooSmall
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
 from plateau.service.notices.receivers import ReceiverRefused, Receivers
@@ -49,14 +50,17 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
     return Problem(kind, said=said, errors=[one.model_dump() for one in errors])
 
 
-def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> None:
-    """Refuse a job that would run out of distinct sampler seeds on every worker."""
+def check_size(spec: JobSpec, width: int | None, height: int | None, field: str = "spec") -> None:
+    """Refuse a job that no worker has enough seeds for, or whose rule cannot judge the image."""
     try:
+        if width and height:
+            spec.require_size(width, height)
         # Of the variants that `auto` may become, the JIT ones have the most seeds.
         variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
-        spec.seed_schedule(variant, width, height)
-    except SeedsExhausted as error:
-        raise Problem(problems.NO_SEEDS_LEFT, field=field, error=error) from error
+        # Where the size is not known, the seeds do not depend on it.
+        spec.seed_schedule(variant, width or 1, height or 1)
+    except (FilmTooSmall, SeedsExhausted) as error:
+        raise Problem(problems.UNFIT_FILM, field=field, error=error) from error
 
 
 def check_film_sizes(sizes: Sequence[tuple[int | None, int | None]], fields: Sequence[str]) -> None:

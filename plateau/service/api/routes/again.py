@@ -20,10 +20,7 @@ from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
-from plateau.service.api.problems.spec_checks import (
-    invalid_spec,
-    with_notice,
-)
+from plateau.service.api.problems.spec_checks import check_size, invalid_spec, with_notice
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
 from plateau.service.api.submission.creation import create_job
@@ -127,6 +124,7 @@ def _continued(
         if remains is None or why is not None:
             again = Again(of=old.id, kept_spp=0, why=why)
             return Submission(spec, notes, key, old.scene_sha256, again), None
+        check_size(spec, old.width, old.height)
         created = farm.continuations.start(
             old, remains, spec, idempotency_key=key, owner=owner, notes=notes
         )

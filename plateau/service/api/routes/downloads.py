@@ -6,14 +6,14 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
+from pydantic.json_schema import SkipJsonSchema
 
 from plateau.farm.model.job import Job
 from plateau.farm.wire import examples
-from plateau.service.api.http.parameters import BatchName
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
-from plateau.service.api.problems.problem import ProblemType
+from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.results.job_files import JobFiles
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from plateau.service.api.routes.jobs import JobId
@@ -63,37 +63,27 @@ def get_results_zip(job_id: JobId, farm: Farm) -> Response:
 @router.get(
     "/results.zip",
     response_class=_ZipResponse,
-    responses=_described(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
+    responses=_described(problems.UNKNOWN_JOB, problems.UNKNOWN_BATCH, problems.INVALID_REQUEST),
 )
 def get_results_of_jobs(
     farm: Farm,
     job: Annotated[
         list[str],
-        Query(
-            min_length=1,
-            max_length=_MOST_JOBS,
-            description="the jobs' ids",
-            examples=[[examples.JOB_ID]],
-        ),
-    ],
+        Query(max_length=_MOST_JOBS, description="the jobs' ids", examples=[[examples.JOB_ID]]),
+    ] = [],  # noqa: B006  (FastAPI copies it)
+    batch: Annotated[
+        str | SkipJsonSchema[None],  # no query has a null
+        Query(description="the batch whose jobs are fetched, too", examples=["exposures"]),
+    ] = None,
 ) -> Response:
-    """Fetch everything that several jobs have come to as one zip, with a folder for each job."""
-    jobs = [farm.job(job_id) for job_id in job]
-    return _sent(_in_folders(farm, jobs), "results.zip")
+    """Fetch everything that several jobs have come to as one zip, with a folder for each job.
 
-
-@router.get(
-    "/batches/{name}/results.zip",
-    response_class=_ZipResponse,
-    responses=_described(problems.UNKNOWN_BATCH),
-)
-def get_results_of_batch(name: BatchName, farm: Farm) -> Response:
-    """Fetch everything that the jobs of a batch have come to as one zip, in a folder for each job.
-
-    The folders' names begin with the jobs' places in the batch.
+    The folders' names begin with the jobs' places in the batch, or in the request.
     """
-    jobs = map(farm.job, farm.batches.get(name).job_ids)
-    return _sent(_in_folders(farm, jobs), "results.zip")
+    ids = [*job, *(farm.batches.get(batch).job_ids if batch is not None else ())]
+    if not ids:
+        raise Problem(problems.NO_JOBS_NAMED)
+    return _sent(_in_folders(farm, [farm.job(one) for one in ids]), "results.zip")
 
 
 def _in_folders(farm: Parts, jobs: Iterable[Job]) -> Iterator[ZipEntry]:

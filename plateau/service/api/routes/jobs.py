@@ -3,6 +3,8 @@
 from typing import Annotated, Final, Literal
 
 from fastapi import APIRouter, Path, Query
+from pydantic import Field
+from pydantic.json_schema import SkipJsonSchema
 
 from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
@@ -13,7 +15,6 @@ from plateau.farm.wire.views import (
     JobPage,
     JobView,
     Log,
-    SliceLog,
     Slices,
     SliceView,
     job_view,
@@ -190,29 +191,25 @@ def list_slices(job_id: JobId, farm: Farm) -> Slices:
     return Slices(slices=[SliceView(**record) for record in ledger.values()])
 
 
-@router.get("/{job_id}/log", responses=documented(problems.UNKNOWN_JOB))
-def get_job_log(job_id: JobId, farm: Farm) -> Log:
+@router.get(
+    "/{job_id}/log",
+    responses=documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
+)
+def get_job_log(
+    job_id: JobId,
+    farm: Farm,
+    index: Annotated[
+        Annotated[int, Field(ge=0, le=10**9)] | SkipJsonSchema[None],  # no query has a null
+        Query(alias="slice", description="only tries of this slice", examples=[15]),
+    ] = None,
+) -> Log:
     """Show how each try of a slice ended, and what Mitsuba printed, by time.
 
     Of tries with more to report than their record in the ledger, about the newest 2000.
     """
-    return Log(entries=farm.jobs.log(farm.job(job_id).id))
-
-
-@router.get(
-    "/{job_id}/slices/{index}/log",
-    responses=documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
-)
-def get_slice_log(
-    job_id: JobId,
-    index: Annotated[int, Path(ge=0, description="the slice's index", examples=[15])],
-    farm: Farm,
-) -> SliceLog:
-    """Show the log of one slice, with its record in the ledger."""
     job = farm.job(job_id)
     plan = farm.jobs.plan(job)
-    if index >= plan.stop:
+    if index is not None and index >= plan.stop:
         kind = problems.BEYOND_THE_CAP if plan.is_complete else problems.BEYOND_THE_PLAN
         raise Problem(kind, job=job.id, index=index, slices=plan.stop)
-    record, entries = farm.jobs.log_of(job.id, index)
-    return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)
+    return Log(entries=farm.jobs.log(job.id, index))

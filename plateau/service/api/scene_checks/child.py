@@ -74,7 +74,7 @@ def _resident_bytes() -> int:
     """The process's resident memory; 0 if the system does not tell."""
     if not _RESIDENT.exists():
         return 0
-    return int(_RESIDENT.read_text().split()[1]) * resource.getpagesize()
+    return int(_RESIDENT.read_text(encoding="utf-8").split()[1]) * resource.getpagesize()
 
 
 if __name__ == "__main__":

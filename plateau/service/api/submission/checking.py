@@ -7,7 +7,7 @@ from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
-from plateau.service.api.problems.spec_checks import check_film_sizes, check_seeds
+from plateau.service.api.problems.spec_checks import check_film_sizes, check_size
 from plateau.service.api.scene_checks.pool import Slot
 from plateau.service.api.submission.scene_parts import broken_scene
 
@@ -34,8 +34,7 @@ async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> Scen
     fields = iter(entries)
     for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
         one = entry.model_copy(update={"variant": variant})
-        # Where the size is not known, the seeds do not depend on it.
-        check_seeds(one, width or 1, height or 1, next(fields) or "spec")
+        check_size(one, width, height, next(fields) or "spec")
     if found.error is not None:
         raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):

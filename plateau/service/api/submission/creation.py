@@ -3,6 +3,7 @@
 import hashlib
 import re
 import secrets
+from collections.abc import Iterator
 from typing import Final
 
 from plateau.farm.ledger.jobs import Created
@@ -44,9 +45,18 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         idempotency_key=asked.idempotency_key,
         digest=digest,
         owner=owner,
-        notes=asked.notes,
+        notes=(*asked.notes, *_which_sensor(asked.spec, scene.summary.sensors)),
         again=asked.again,
     )
+
+
+def _which_sensor(spec: JobSpec | BatchSpec, sensors: int) -> Iterator[str]:
+    """The note on a choice that nobody made."""
+    if sensors > 1 and spec.sensor == 0:
+        yield (
+            f"the scene has {sensors} sensors, and the first is rendered, sensor 0: `sensor` "
+            f"(--sensor) chooses another, up to {sensors - 1}"
+        )
 
 
 def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:

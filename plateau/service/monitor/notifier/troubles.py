@@ -20,6 +20,8 @@ from plateau.service.notices.targets import Targets
 _LOG = logging.getLogger(__name__)
 
 _POLL_S: Final = 15.0
+#: For how long a trouble lasts before it is told.
+_PATIENCE_S: Final = 120.0
 #: A monitor that was to tell of a trouble and did not has failed, or was lost, after this time.
 _LEASE_S: Final = 120.0
 
@@ -30,8 +32,7 @@ def telling_troubles(settings: Settings, store: Blobs, targets: Targets) -> Iter
     over = threading.Event()
     if targets.troubles:
         client = connect(settings.redis_url or "")
-        patience_s, url = settings.trouble_after_s, settings.page_url
-        teller = Teller(client, store, targets, patience_s, url, poll_s=_POLL_S)
+        teller = Teller(client, store, targets, _PATIENCE_S, settings.page_url, poll_s=_POLL_S)
         threading.Thread(target=teller.run, args=(over,), name="troubles", daemon=True).start()
     try:
         yield

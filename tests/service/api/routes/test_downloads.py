@@ -143,7 +143,7 @@ class TestSeveral:
         }
         assert archive.read(f"0001-{first}/image.exr") == EXR
         # Those of a batch are in its order
-        archive = fetched(http, "/v1/batches/walk/results.zip")
+        archive = fetched(http, "/v1/results.zip?batch=walk")
         images = [name for name in archive.namelist() if name.endswith("image.png")]
         assert images == [f"{place:04d}-{job}/image.png" for place, job in enumerate(jobs)]
 
@@ -153,7 +153,7 @@ class TestSeveral:
         unknown = f"/v1/results.zip?job={jobs[0]}&job=000000000000"
         problem(http.get(unknown), 404, "unknown-job")
         problem(http.get("/v1/results.zip"), 422, "invalid-request")
-        problem(http.get("/v1/batches/none/results.zip"), 404, "unknown-batch")
+        problem(http.get("/v1/results.zip?batch=none"), 404, "unknown-batch")
 
 
 def test_a_large_file_is_never_held_whole(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,6 +51,34 @@ def problem(answer: httpx.Response, status: int, slug: str) -> dict[str, Any]:
 
 
 class TestSubmitting:
+    def test_says_which_of_several_sensors_is_rendered(self, http: httpx.Client) -> None:
+        film = f'<sensor type="perspective">{FILM.format(16)}</film></sensor>'
+        said = "the scene has 3 sensors, and the first is rendered, sensor 0: `sensor` (--sensor) "
+        said += "chooses another, up to 2"
+        for spec, notes in [({}, [said]), ({"sensor": 1}, []), ({"parameters": [{}]}, [said])]:
+            answer = submit(http, scene(sensor=film * 3), spec).json()
+            job = (
+                http.get(f"/v1/jobs/{answer['job_ids'][0]}").json() if "jobs" in answer else answer
+            )
+            assert job["notes"] == notes
+        assert submit(http).json()["notes"] == []
+
+    def test_refuses_a_rule_that_cannot_judge_so_small_an_image(self, http: httpx.Client) -> None:
+        film = f'<sensor type="perspective">{FILM.format("$side")}</film></sensor>'
+        said = "the rule jod judges images of 4×4 pixels or more, and this one has 3×9: make the "
+        said += "film larger, or name another rule"
+        small = {"side": 3}
+        for spec, field in [
+            ({"rule": {"name": "jod"}, "parameters": small}, "spec"),
+            ({"watch": [{"name": "jod"}], "parameters": small}, "spec"),
+            ({"rule": {"name": "jod"}, "parameters": [{"side": 4}, small]}, "spec.parameters.1"),
+        ]:
+            found = problem(submit(http, scene(sensor=film), spec), 422, "invalid-spec")
+            assert found["errors"] == [{"field": field, "message": said}]
+        assert submit(http, scene(sensor=film), {"parameters": small}).status_code == 201
+        large = {"rule": {"name": "jod"}, "parameters": {"side": 4}}
+        assert submit(http, scene(sensor=film), large).status_code == 201
+
     def test_makes_a_job_and_stores_the_scene_once(
         self, http: httpx.Client, api_store: Blobs
     ) -> None:
@@ -388,7 +416,7 @@ def test_an_unknown_job_is_a_404_everywhere(http: httpx.Client, client: redis.Re
             *(
                 http.get(path + rest)
                 for rest in (
-                    *("", "/curve", "/curve.csv", "/events", "/log", "/slices", "/slices/0/log"),
+                    *("", "/curve", "/curve.csv", "/events", "/log", "/slices", "/log?slice=0"),
                     *("/image.png", "/image.exr", "/difference.png", "/results.zip"),
                 )
             ),

@@ -164,11 +164,10 @@ def test_without_redis_each_monitor_tells_by_its_own_memory(
     assert len(box.came) == 1
     # And a monitor does so by its settings
     monkeypatch.setattr(module, "_POLL_S", 0.01)
+    monkeypatch.setattr(module, "_PATIENCE_S", 0.0)
     file = tmp_path / "targets"
     file.write_text(f"ops {targets.urls['ops']}\n")
-    settings = Settings(
-        redis_url=redis_url, notify_file=file, notify_troubles="ops", trouble_after_s=0
-    )
+    settings = Settings(redis_url=redis_url, notify_file=file, notify_troubles="ops")
     Jobs(client).create(JobSpec(pool="night"), name="box", scene_sha256="00")
     with telling_troubles(settings, store, read_targets(settings)):
         until(lambda: len(box.came) == 2)

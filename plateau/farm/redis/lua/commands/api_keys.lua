@@ -13,9 +13,7 @@ function for_farm.take(it)
   local rate, at = api_key_key(it.key, 'rate'), tonumber(now())
   local full_at = math.max(at, tonumber(redis.call('GET', rate) or 0))
   local there = math.floor(it.burst - (full_at - at) / interval + 1e-6)
-  if there < 1 then
-    return {taken = 0, wait_ms = math.ceil((1 - it.burst) * interval + full_at - at)}
-  end
+  if there < 1 then return {taken = 0, wait_ms = math.ceil((1 - it.burst) * interval + full_at - at)} end
   local taken = math.min(it.wanted, there)
   full_at = full_at + taken * interval
   redis.call('SET', rate, string.format('%.3f', full_at), 'PX', math.ceil(full_at - at))

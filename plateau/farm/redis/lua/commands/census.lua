@@ -73,13 +73,9 @@ function for_farm.census(it)
     notices = notices + redis.call('ZCARD', Outbox.due_key(receiver))
   end
 
-  local totals, flat = {}, redis.call('HGETALL', TOTALS)
-  for i = 1, #flat, 2 do totals[flat[i]] = flat[i + 1] end
-
   return {
-    now = now(), jobs = jobs, unserved = unserved, demand = demand, oldest = oldest,
-    notices = notices,
+    now = now(), jobs = jobs, unserved = unserved, demand = demand, oldest = oldest, notices = notices,
     workers = workers, monitors = monitors, owned = owned, stored = redis.call('ZCARD', JOBS),
-    created = redis.call('GET', PREFIX .. 'created') or '0', totals = totals,
+    created = redis.call('HGET', STORE, 'created') or '0', totals = table_of(TOTALS),
   }
 end

@@ -29,8 +29,7 @@ for_farm['continue'] = function(it)
   local before = redis.call('HMGET', job_key(old), 'finished_at', 'checkpoint', 'variant', 'width',
                             'height', 'notes', 'results', 'spp')
   if redis.call('EXISTS', job_key(old)) == 0 then return {outcome = 'missing'} end
-  if not before[1] then return {outcome = 'changed'} end
-  if checkpoint ~= '' and before[2] ~= checkpoint then return {outcome = 'changed'} end
+  if not before[1] or checkpoint ~= '' and before[2] ~= checkpoint then return {outcome = 'changed'} end
   for index = 0, slices - 1 do
     if redis.call('HEXISTS', job_key(old, 'ledger'), index) == 0 then return {outcome = 'changed'} end
   end
@@ -85,11 +84,7 @@ function for_farm.pause(it)
   local id, reason = it.job, it.reason
   local moved, state = Job.move(id, 'paused', reason)
   if not moved and state == 'queued' and it.holds_back then
-    if redis.call('HSETNX', job_key(id), 'held', 1) == 1 then
-      changed[id] = true
-      redis.call('HSET', job_key(id), 'reason', reason)
-      Outbox.announce(id, 'state', {from = 'queued', to = 'queued', reason = reason})
-    end
+    if redis.call('HSETNX', job_key(id), 'held', 1) == 1 then Job.note_queued(id, reason) end
     return {outcome = 'held'}
   end
   if not moved and state ~= 'paused' then return {outcome = 'illegal', state = state} end
@@ -108,9 +103,8 @@ function for_farm.resume(it)
     has_more[id] = true
     redis.call('PUBLISH', WAKE_MONITORS, id)
   elseif state == 'queued' and redis.call('HDEL', job_key(id), 'held') == 1 then
-    changed[id], has_more[id] = true, true
-    redis.call('HSET', job_key(id), 'reason', reason)
-    Outbox.announce(id, 'state', {from = 'queued', to = 'queued', reason = reason})
+    has_more[id] = true
+    Job.note_queued(id, reason)
     return {outcome = 'queued'}
   elseif state ~= 'rendering' then
     return {outcome = 'illegal', state = state}

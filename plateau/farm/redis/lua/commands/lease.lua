@@ -61,7 +61,7 @@ function for_workers.lease(it)
       if not is_first then wait_ms = since + its_pace + late_ms - now() end
       if is_first and pace - late_ms < 0 then wait_ms = 0 end
     end
-    local lease = redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)[1]
+    local lease = Slice.pending(id, entry)
     if not lease or lease[2] == worker then return nil end
     if wait_ms > 0 then return nil, wait_ms end
     return {index = index, noted = noted, tries = lease[4]}
@@ -107,16 +107,22 @@ function for_workers.lease(it)
   changed[id] = true
   local slices, lost = job_key(id, 'slices'), redis.call('ZRANGE', job_key(id, 'lost'), 0, 0)[1]
   local entry
+
+  -- Lease the newest slice of the stream.
+  local function read()
+    entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+    redis.call('HINCRBY', job_key(id), 'leased', 1)
+    Slice.note_lease(id, entry[1])
+  end
+
   if late then
     redis.call('XADD', slices, '*', 'index', late.index)
-    entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+    read()
     redis.call('HSET', job_key(id, 'leases'), late.index, late.noted .. ' ' .. entry[1])
-    redis.call('HINCRBY', job_key(id), 'leased', 1)
     redis.call('HINCRBY', job_key(id), 'second_tries', 1)
     count('second tries')
-    Slice.note_lease(id, entry[1])
   elseif lost then
-    local pending = redis.call('XPENDING', slices, GROUP, lost, lost, 1)[1]
+    local pending = Slice.pending(id, lost)
     entry = redis.call('XCLAIM', slices, GROUP, worker, 0, lost)[1]
     if not entry then  -- pending and yet not in the stream any more, as Redis 6.2 may leave one
       Slice.drop(id, lost)
@@ -139,10 +145,8 @@ function for_workers.lease(it)
       redis.call('XADD', slices, '*', 'index', issued)
       redis.call('HINCRBY', job_key(id), 'issued', 1)
     end
-    entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+    read()
     redis.call('HINCRBY', job_key(id), 'ready', -1)
-    redis.call('HINCRBY', job_key(id), 'leased', 1)
-    Slice.note_lease(id, entry[1])
   end
   if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a late commit came first
     Slice.drop(id, entry[1])

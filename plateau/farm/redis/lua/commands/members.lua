@@ -9,12 +9,8 @@ function for_farm.monitor_heartbeat(it)
       redis.call('HSET', monitor, 'did ' .. total, number)
     end
   end
-  if given(it.about) then
-    redis.call('HSET', monitor, 'about', it.about, 'seen_at', now())
-    redis.call('ZADD', MONITORS, now() + it.life_ms, it.monitor)
-  else
-    redis.call('ZREM', MONITORS, it.monitor)
-  end
+  if given(it.about) then redis.call('HSET', monitor, 'about', it.about, 'seen_at', now()) end
+  rank(MONITORS, it.monitor, given(it.about) and now() + it.life_ms)
   redis.call('EXPIRE', monitor, 86400)
   redis.call('ZREMRANGEBYSCORE', MONITORS, '-inf', now() - 3600000)
 end

@@ -4,7 +4,7 @@ function for_farm.own(it)
   local id = it.job
   if redis.call('EXISTS', job_key(id, 'owner')) == 1 then return nil end
   if redis.call('SISMEMBER', UNFINISHED, id) == 0 then return nil end
-  local token = tostring(redis.call('INCR', job_key(id, 'fence')))
+  local token = tostring(redis.call('HINCRBY', job_key(id, 'sealed'), 'fence', 1))
   redis.call('SET', job_key(id, 'owner'), token, 'PX', it.lease_ms)
   return token
 end
@@ -82,7 +82,7 @@ function for_farm.reject(it)
   changed[id], has_more[id] = true, true
   Outbox.announce(id, 'trouble', {index = index, worker = record.worker, cause = it.cause})
   Slice.note_try(id, index, record.worker, 'rejected', it.cause, '', '')
-  return redis.call('HINCRBY', job_key(id, 'spoiled'), index, 1)
+  return redis.call('HINCRBY', job_key(id, 'deaths'), index .. ' spoiled', 1)
 end
 
 -- The owner shows a set of results; the first is announced.
@@ -97,11 +97,7 @@ end
 -- Returns 'noted' or 'fenced'.
 function for_farm.note_blob(it)
   if not Job.is_owned(it.job, it.token) then return 'fenced' end
-  if it.sha256 then
-    redis.call('HSET', job_key(it.job, 'digests'), it.blob, it.sha256)
-  else
-    redis.call('HDEL', job_key(it.job, 'digests'), it.blob)
-  end
+  put(job_key(it.job, 'digests'), it.blob, it.sha256)
   return 'noted'
 end
 
@@ -119,12 +115,8 @@ end
 function for_farm.conclude(it)
   local id = it.job
   if not Job.is_owned(id, it.token) then return 'fenced' end
-  if it.results ~= '' then
-    Job.show(id, it.results, it.spp, it.digests)
-  else
-    redis.call('HSET', job_key(id), 'results', '')
-  end
-  redis.call('HSET', job_key(id), 'spp', it.spp, 'notes', it.notes, 'concluded', 1)
+  if it.results ~= '' then Job.show(id, it.results, it.spp, it.digests) end
+  redis.call('HSET', job_key(id), 'results', it.results, 'spp', it.spp, 'notes', it.notes, 'concluded', 1)
   if it.spp_range then redis.call('HSET', job_key(id), 'spp_min', it.spp_range[1], 'spp_max', it.spp_range[2]) end
   return 'concluded'
 end

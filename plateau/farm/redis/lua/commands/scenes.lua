@@ -6,14 +6,10 @@ function for_farm.use_scene(it)
 end
 
 -- Take the note of `use_scene` back: there is no such scene.
-function for_farm.disuse_scene(it)
-  redis.call('ZREM', SCENES_USED, it.sha256)
-end
+function for_farm.disuse_scene(it) redis.call('ZREM', SCENES_USED, it.sha256) end
 
 -- The blob store holds a scene; an earlier summary stays.
-function for_farm.remember_scene(it)
-  redis.call('HSETNX', SCENES, it.sha256, it.summary)
-end
+function for_farm.remember_scene(it) redis.call('HSETNX', SCENES, it.sha256, it.summary) end
 
 -- Note a use now for scenes without one.
 function for_farm.note_scenes(it)
@@ -33,6 +29,4 @@ function for_farm.forget_scene(it)
 end
 
 -- The blob of a forgotten scene is removed: an API may put it again.
-function for_farm.scene_gone(it)
-  redis.call('DEL', scene_going_key(it.sha256))
-end
+function for_farm.scene_gone(it) redis.call('DEL', scene_going_key(it.sha256)) end

@@ -106,9 +106,7 @@ function for_workers.hand_back(it)
   -- A worker that could render nothing does not bind the others to its variant.
   local holders = redis.call('XPENDING', job_key(id, 'slices'), GROUP)[4]
   local done = redis.call('HMGET', job_key(id), 'committed', 'points')
-  if #holders == 1 and done[1] == '0' and done[2] == '0' then
-    redis.call('HDEL', job_key(id), 'variant')
-  end
+  if #holders == 1 and done[1] == '0' and done[2] == '0' then redis.call('HDEL', job_key(id), 'variant') end
   return 'put back'
 end
 

@@ -1,13 +1,13 @@
 -- Begin a sweep of the farm, unless one was begun within `every_ms`.
 -- Returns whether it is begun.
 function for_farm.begin_sweep(it)
-  return redis.call('SET', SWEPT, '1', 'NX', 'PX', it.every_ms) ~= false
+  if now() - (redis.call('HGET', STORE, 'next_sweep_at') or 0) < 0 then return false end
+  redis.call('HSET', STORE, 'next_sweep_at', string.format('%.0f', now() + it.every_ms))
+  return true
 end
 
 -- Note that a sweep has just ended.
-function for_farm.note_sweep()
-  redis.call('HSET', TOTALS, 'swept at', string.format('%.0f', now()))
-end
+function for_farm.note_sweep() redis.call('HSET', TOTALS, 'swept at', string.format('%.0f', now())) end
 
 -- Forget a finished job, with all its records: one that finished `finished_for_ms` ago, or was deleted
 -- `deleted_for_ms` ago, where these are given.

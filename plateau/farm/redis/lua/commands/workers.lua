@@ -3,7 +3,7 @@
 function for_workers.heartbeat(it)
   local worker, gone = it.worker, {}
   Slice.is_farm_silent(it.lease_ms)
-  redis.call('SET', HEARD, now())
+  redis.call('HSET', HEARD, 'at', now())
   redis.call('ZADD', WORKERS, now(), worker)
   Slice.forgive(worker)
   redis.call('HSET', worker_key(worker), 'about', it.about, 'seen_at', now())
@@ -25,8 +25,6 @@ function for_workers.leave(it)
   redis.call('ZREM', WORKERS, it.worker)
   redis.call('HDEL', IDLE, it.worker)
   local about = redis.call('HGET', worker_key(it.worker), 'about')
-  if about then
-    redis.call('SREM', IDLE .. ':' .. Waiting.kind_of(cjson.decode(about)), it.worker)
-  end
+  if about then redis.call('SREM', IDLE .. ':' .. Waiting.kind_of(cjson.decode(about)), it.worker) end
   redis.call('DEL', worker_key(it.worker))
 end

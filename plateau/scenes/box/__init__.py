@@ -1,1 +1,0 @@
-"""The paper's first family: a closed box under a ceiling light."""

@@ -1,1 +1,0 @@
-"""OCULIST: a museum case of engraved stamps, bronze instruments, mosaic and woven cloth."""
