@@ -156,10 +156,13 @@ def cache() -> Path:
 
 
 @pytest.fixture(scope="session")
-def fork_server() -> Iterator["ForkServer"]:
-    """For farms whose starts nobody tests."""
+def fork_server() -> Iterator["ForkServer | None"]:
+    """For farms whose starts nobody tests; None, and plain starts, where this is not Linux."""
     from tests.support.processes.forked import ForkServer
 
+    if sys.platform != "linux":
+        yield None
+        return
     server = ForkServer()
     yield server
     server.stop()

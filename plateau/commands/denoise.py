@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -11,8 +10,8 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.printing import print_json
 from plateau.errors import CommandFailed
-from plateau.farm.wire import figures
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
@@ -77,6 +76,7 @@ def _denoise(
     import numpy as np
 
     from plateau.farm.images.exr import encode_layers
+    from plateau.farm.wire import figures
     from plateau.metric import allowed_non_finite, non_finite_pixels
     from plateau.picture.denoised import DenoisingTask, guides_in, layers_of
     from plateau.picture.denoising.child import Denoiser
@@ -107,7 +107,7 @@ def _denoise(
     left = _noise_left(found, shown)
     if as_json:
         about = {"denoiser": found.denoiser, "guides": bool(guides)}
-        print(json.dumps({**about, **left, "non_finite_pixels": non_finite_pixels(mean).count}))
+        print_json({**about, **left, "non_finite_pixels": non_finite_pixels(mean).count})
         return
     print(f"{out}: {found.denoiser}")
     pixels, share = figures.pixels(left["pixels"]), figures.percent(left["fraction"])

@@ -1,6 +1,5 @@
 """`plateau diff`: the visible differences between two images."""
 
-import json
 import re
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,6 +11,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.options.spec_fields import view_of_place
+from plateau.commands.printing import print_json
 from plateau.errors import ExitCode, tell
 
 if TYPE_CHECKING:
@@ -149,7 +149,10 @@ def diff(
     except CannotCompare as error:
         tell(str(error))
         raise typer.Exit(ExitCode.USAGE) from None
-    print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
+    if as_json:
+        print_json(comparison.as_json())
+    else:
+        print(comparison.in_words())
 
 
 def _seen_from(

@@ -1,10 +1,6 @@
 """`plateau doctor`: what works on this machine, and why the rest does not."""
 
-import json
 import os
-import platform
-import secrets
-import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -99,6 +95,8 @@ def doctor(
 
 
 def _machine() -> Iterator[Check]:
+    import platform
+
     version = platform.python_version()
     supported = sys.version_info >= (3, 10)
     yield Check("Python", f"{version}, {sys.executable}", ok=supported, needed=True)
@@ -107,6 +105,8 @@ def _machine() -> Iterator[Check]:
 
 
 def _stores(settings: "Settings") -> Iterator[Check]:
+    import secrets
+
     from plateau.farm.blobs.probe import check_create_once
     from plateau.farm.blobs.store import Blobs
     from plateau.farm.redis.embedded import find_redis_server
@@ -161,6 +161,9 @@ def _variants(choice: "VariantChoice") -> Iterator[Check]:
 
 def _renderer(one: "RendererFacts") -> Iterator[Check]:
     """Check a renderer that Plateau does without."""
+    import json
+    import subprocess
+
     from plateau.farm.model.renderers import shown_name
     from plateau.worker.renderers.program import command, release
     from plateau.worker.supervisor.variants import is_here, probe
@@ -210,6 +213,8 @@ def _confinement() -> Iterator[Check]:
 
 
 def _redis_version(binary: Path) -> str:
+    import subprocess
+
     answer = subprocess.run(
         [binary, "--version"], capture_output=True, encoding="utf-8", timeout=10, check=False
     ).stdout
@@ -240,4 +245,7 @@ def _notify(name: str, *, as_json: bool) -> None:
             send(name, read_targets(read_settings()).url(name), test)
         except NotNotified as error:
             raise CommandFailed(f"{name} was not notified: {error.said}") from None
-    print(json.dumps({"target": name, "notified": True}) if as_json else f"{name} was notified")
+    if as_json:
+        print_json({"target": name, "notified": True})
+    else:
+        print(f"{name} was notified")

@@ -10,7 +10,6 @@ from plateau.commands.connect import connect
 from plateau.commands.printing import print_one, print_table
 from plateau.errors import tell
 from plateau.farm.model.usage import Grouping
-from plateau.farm.wire.figures import significant
 
 if TYPE_CHECKING:
     from plateau.farm.wire.usage_views import UsageRow
@@ -63,6 +62,8 @@ def usage(
     In a pipe, columns are separated by tabs: week, owner, batch or job, name, jobs, core hours,
     core hours saved. The total goes to standard error. Removed jobs do not count any more.
     """
+    from plateau.farm.wire.figures import significant
+
     if as_csv and as_json:
         raise typer.BadParameter("--csv and --json are two forms: choose one")
     with connect(url) as client:
@@ -83,6 +84,8 @@ def usage(
 
 
 def _usage_row(row: "UsageRow") -> tuple[str, ...]:
+    from plateau.farm.wire.figures import significant
+
     return (
         row.key or "–",
         row.name or "–",

@@ -1,6 +1,5 @@
 """`plateau fetch`: the results of a job, running or ended."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.printing import print_json
 
 
 @app.command()
@@ -37,4 +37,7 @@ def fetch(
         job = client.job(client.whole_id(job_id))
         with ready(out):
             about = write_results(client, job, out)
-    print(json.dumps(about, indent=2) if as_json else "\n".join(about["files"]))
+    if as_json:
+        print_json(about)
+    else:
+        print("\n".join(about["files"]))

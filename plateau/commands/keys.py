@@ -1,6 +1,5 @@
 """`plateau keys`: API keys, in the farm's Redis itself, so an operator needs no API key."""
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -130,7 +129,7 @@ def list_keys(as_json: o.Json = False) -> None:
     with _keys() as keys:
         found, used = keys.all(), keys.last_used()
     if as_json:
-        print(json.dumps([_document(key, used.get(key.id)) for key in found], indent=2))
+        print_json([_document(key, used.get(key.id)) for key in found])
     else:
         print_rows(
             _COLUMNS,
@@ -260,7 +259,10 @@ def _limits(**given: float | None) -> "KeyLimits":
 
 
 def _show(key: "ApiKey", shown: str, *, as_json: bool) -> None:
-    print(json.dumps({**_document(key, None), "key": shown}, indent=2) if as_json else shown)
+    if as_json:
+        print_json({**_document(key, None), "key": shown})
+    else:
+        print(shown)
 
 
 def _document(key: "ApiKey", last_used: datetime | None) -> dict[str, Any]:

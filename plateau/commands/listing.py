@@ -14,7 +14,6 @@ from plateau.commands.options import complete
 from plateau.commands.printing import print_table
 from plateau.errors import CommandFailed, tell
 from plateau.farm.model.states import JobState
-from plateau.farm.wire.figures import duration, percent, significant
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -146,6 +145,7 @@ def _warn_of_waiting(jobs: "list[JobView]") -> None:
 
 def _job_row(job: "JobView") -> tuple[str, ...]:
     from plateau.farm.model.job import utc_now
+    from plateau.farm.wire.figures import duration, percent
 
     left = "–" if job.estimate_fraction is None else percent(job.estimate_fraction)
     return (
@@ -191,6 +191,7 @@ def _print_workers(client: "Client", *, as_json: bool) -> None:
 
 def worker_row(worker: "Worker", now: datetime) -> tuple[str, ...]:
     """The worker as a row of a table with `WORKER_COLUMNS`."""
+    from plateau.farm.wire.figures import duration, percent, significant
     from plateau.farm.wire.job_text import share_of, size
 
     rate, machine = worker.samples_per_s, worker.machine

@@ -1,8 +1,6 @@
 """`plateau movie`: the pictures of a batch as a movie."""
 
-import json
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,10 +10,13 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.printing import print_json
 from plateau.commands.watch import in_order
 from plateau.errors import CommandFailed, tell
 
 if TYPE_CHECKING:
+    from fractions import Fraction
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -64,12 +65,14 @@ def movie(
     seconds = float(pictures.shown / pace)
     if as_json:
         told = {"file": str(out), "frames": pictures.shown, "seconds": seconds}
-        print(json.dumps({**told, "without_image": pictures.missing, "unfinished": open_ones}))
+        print_json({**told, "without_image": pictures.missing, "unfinished": open_ones})
         return
     print(f"{out}: {pictures.shown} frames, {seconds:.3g} s at {float(pace):.6g} frames per second")
 
 
-def _rate(text: str) -> Fraction:
+def _rate(text: str) -> "Fraction":
+    from fractions import Fraction
+
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError):

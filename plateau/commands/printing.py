@@ -1,6 +1,5 @@
 """What commands print: JSON for scripts, and lines or tables for people."""
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,9 +14,13 @@ def print_one(found: "BaseModel", words: str, *, as_json: bool) -> None:
     print(found.model_dump_json(indent=2) if as_json else words)
 
 
-def print_json(found: "Iterable[BaseModel] | dict[str, Any]") -> None:
-    """Print a document, or a list of models."""
-    shown = found if isinstance(found, dict) else [one.model_dump(mode="json") for one in found]
+def print_json(found: "Iterable[BaseModel | dict[str, Any]] | dict[str, Any]") -> None:
+    """Print a document, or a list of documents or models."""
+    import json
+
+    shown = found
+    if not isinstance(found, dict):
+        shown = [one if isinstance(one, dict) else one.model_dump(mode="json") for one in found]
     print(json.dumps(shown, indent=2))
 
 

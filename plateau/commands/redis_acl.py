@@ -2,7 +2,6 @@
 
 import os
 import re
-import secrets
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -54,6 +53,8 @@ def redis_acl(
 
 def _password(folder: Path, user: str) -> str:
     """The user's password; a missing one is made, in a file that only its owner can read."""
+    import secrets
+
     from plateau.files.out_folder import make
 
     file = folder / f"{user}.password"

@@ -1,6 +1,5 @@
 """`plateau render`: one scene to its results, with a process tree for it alone."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +8,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.printing import print_json
 from plateau.errors import EXIT_CODES, tell
 from plateau.farm.model.states import JobState
 
@@ -89,7 +89,7 @@ def render(
             raise typer.Exit(interrupts.exit_code) from None
 
     if as_json:
-        print(json.dumps(about, indent=2))
+        print_json(about)
     else:
         from plateau.farm.model.job import utc_now
         from plateau.farm.wire import job_text

@@ -1,10 +1,8 @@
 """`plateau scale`: workers in a batch system, as many as the queue needs."""
 
-import logging
 import os
 import sys
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -19,8 +17,6 @@ if TYPE_CHECKING:
     from plateau.farm.process.waits import Stop
     from plateau.scale.policy import Limits
     from plateau.scale.report import Report
-
-_LOG = logging.getLogger("plateau")
 
 #: Without a least number of workers, one leaves after this time without work, even if its scaler
 #: has ended.
@@ -174,6 +170,8 @@ def slurm(
             )
         options.append(option)
 
+    from importlib.resources import files
+
     from plateau.farm.blobs.store import Blobs
     from plateau.farm.ledger.pairing import check_pair, farm_id
     from plateau.farm.ledger.schema import check_schema
@@ -255,4 +253,6 @@ def _tell(report: "Report", *, as_json: bool) -> None:
     if as_json:
         print(report.as_json(), flush=True)
     else:
-        _LOG.info("%s", report.in_words())
+        import logging
+
+        logging.getLogger("plateau").info("%s", report.in_words())

@@ -1,7 +1,6 @@
 """`plateau up`, and its processes alone: `plateau api | monitor | worker`."""
 
 import inspect
-import logging
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from plateau.farm.process.waits import Stop
     from plateau.processes.data_folder import DataFolder
     from plateau.processes.tree import Door, Tree
-
-_LOG = logging.getLogger("plateau")
 
 _TICK_S: Final = 0.2
 
@@ -103,6 +100,8 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
     For example:
       PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau api
     """
+    import logging
+
     from plateau.processes.process import run_until_signal
     from plateau.processes.standing import Standing
     from plateau.service.api import process
@@ -118,8 +117,9 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
         who_may = _who_may(settings.redis_url or "", door)
 
         def ready(url: str) -> None:
-            _LOG.info("the API listens at %s", url)
-            _LOG.info(who_may)
+            log = logging.getLogger("plateau")
+            log.info("the API listens at %s", url)
+            log.info(who_may)
             if ready_fd is not None:
                 with os.fdopen(ready_fd, "w", encoding="utf-8") as pipe:
                     pipe.write(f"{url}\n")

@@ -10,7 +10,6 @@ from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
 from plateau.commands.printing import print_json, print_one
-from plateau.farm.wire import figures
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -129,6 +128,7 @@ def _show_curve(client: "Client", job_id: str, *, as_json: bool) -> None:
 
 def batch_summary(batch: "BatchView") -> str:
     """A batch in a few lines."""
+    from plateau.farm.wire import figures
     from plateau.farm.wire.job_text import row
     from plateau.terminal.batch_progress import in_states
 

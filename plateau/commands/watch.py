@@ -1,6 +1,5 @@
 """`plateau watch`: a job or a batch to its end, with its results."""
 
-import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -13,7 +12,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
-from plateau.commands.printing import print_one
+from plateau.commands.printing import print_json, print_one
 from plateau.commands.show import batch_summary
 from plateau.errors import EXIT_CODES, ExitCode, tell
 from plateau.farm.model.states import JobState
@@ -104,7 +103,7 @@ def _job(client: "Client", job_id: str, out: Path | None, *, as_json: bool, curv
         else:
             about = write_results(client, job, out)
     if as_json:
-        print(json.dumps(about, indent=2))
+        print_json(about)
     else:
         print(job_text.summary(job, utc_now()))
         if about["files"]:

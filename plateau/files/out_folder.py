@@ -8,7 +8,6 @@ from pathlib import Path
 from plateau.errors import CommandFailed
 from plateau.files.held import held
 from plateau.files.job_folder import RESULTS, require_free
-from plateau.files.out_pattern import IMAGES
 
 
 def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
@@ -43,6 +42,8 @@ def ready(folder: Path) -> Iterator[None]:
 
 def make_writable(folder: Path) -> None:
     """Make the folder if it is missing, and check that files can be written into it."""
+    from plateau.files.out_pattern import IMAGES  # imports much, which farm processes do without
+
     if folder.suffix.lower() in IMAGES and not folder.is_dir():
         raise CommandFailed(
             f"-o {folder} names an image, and results are several files: name a folder, such as "
@@ -50,10 +51,15 @@ def make_writable(folder: Path) -> None:
             f"{folder.stem}.{{place:04d}}{folder.suffix}"
         )
     make(folder)
+    try_writing(folder, bytes_=4096)
+
+
+def try_writing(folder: Path, named_by: str = "-o", *, bytes_: int = 0) -> None:
+    """Check that a file of this size can be written into the folder."""
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(4096))
+            probe.write(bytes(bytes_))
     except OSError as error:
         raise CommandFailed(
-            f"cannot write into {folder} ({error.strerror}): give another folder with -o"
+            f"cannot write into {folder} ({error.strerror}): give another folder with {named_by}"
         ) from error

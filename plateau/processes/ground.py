@@ -10,6 +10,7 @@ from typing import Final
 from plateau.errors import CommandFailed
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.embedded import LONGEST_SOCKET_PATH
+from plateau.files.out_folder import make, try_writing
 
 #: Files that one process of a small farm may come to have open.
 _OPEN_FILES: Final = 256
@@ -44,9 +45,11 @@ def check_ground(
                 f"more (`ulimit -n {4 * _OPEN_FILES}`)"
             )
     named = os.environ.get("TMPDIR")
-    if named and (why := _why_not(Path(named), make=False)):
-        raise CommandFailed(f"{why}: TMPDIR must name a folder for temporary files")
+    if named and not Path(named).is_dir():
+        raise CommandFailed(f"TMPDIR names {named}, which is no folder: let it name another one")
     try:
+        if named:
+            try_writing(Path(named), "TMPDIR")
         temporary = tempfile.gettempdir()
     except OSError:
         raise CommandFailed("there is no temporary folder: name one with TMPDIR") from None
@@ -56,18 +59,6 @@ def check_ground(
             f"{temporary} is too long for the path of a socket: let TMPDIR name a folder of "
             f"{LONGEST_SOCKET_PATH - len(_SOCKET)} characters at most, such as /tmp"
         )
-    if caches and (why := _why_not(settings.cache, make=True)):
-        raise CommandFailed(f"{why}: PLATEAU_CACHE must name a folder for what workers cache")
-
-
-def _why_not(folder: Path, *, make: bool) -> str:
-    """Why nothing can be written there; "" where it can."""
-    try:
-        if make:
-            folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-    except (FileExistsError, NotADirectoryError):
-        return f"{folder} is no folder"
-    except OSError as error:
-        return f"nothing can be written into {folder} ({error.strerror})"
-    return ""
+    if caches:
+        make(settings.cache, "PLATEAU_CACHE")
+        try_writing(settings.cache, "PLATEAU_CACHE")

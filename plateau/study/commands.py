@@ -1,6 +1,5 @@
 """`plateau study`: making, listing, exporting, deleting and fitting observer studies."""
 
-import json
 import math
 import sys
 from dataclasses import asdict
@@ -13,7 +12,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import group
 from plateau.commands.connect import connect
-from plateau.commands.printing import print_one, print_table
+from plateau.commands.printing import print_json, print_one, print_table
 from plateau.errors import CommandFailed, ExitCode, tell
 
 if TYPE_CHECKING:
@@ -210,7 +209,10 @@ def export(
     if out is None:
         sys.stdout.write(text)
     else:
-        out.write_text(text, encoding="utf-8")
+        from plateau.files.job_folder import whole
+
+        with whole(out) as file:
+            file.write_text(text, encoding="utf-8")
 
 
 @study.command()
@@ -258,7 +260,7 @@ def fit(
     if plot is not None:
         plot_study(fitted, plot)
     if as_json:
-        print(json.dumps([_as_json(one) for one in fitted], indent=2))
+        print_json([_as_json(one) for one in fitted])
     elif isinstance(fitted[0].fit, AnswersFit):
         _print_answers(fitted)
     else:

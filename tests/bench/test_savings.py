@@ -23,6 +23,12 @@ def with_one_pixel(image: Image, value: float) -> Image:
     return changed
 
 
+def with_one_channel(image: Image, value: float) -> Image:
+    changed = image.copy()
+    changed[3, 0, 2] = value
+    return changed
+
+
 def film(value: float, spp: int, *, size: int = 4) -> Image:
     """A slice before normalisation: the sums of radiance, and the weights."""
     return np.full((size, size, 4), [value * spp] * 3 + [spp], np.float32)
@@ -32,23 +38,22 @@ class TestLuxCoresRule:
     #: Displayed as 0.5, as 0.519 and as 0.521.
     BEFORE, UNDER, OVER = (value**2.2 for value in (0.5, 0.519, 0.521))
 
-    def test_ends_where_no_pixel_changed_by_more_than_the_threshold(self) -> None:
+    @pytest.mark.parametrize(
+        ("images", "stops"),
+        [
+            ((grey(BEFORE), grey(UNDER)), True),
+            ((grey(BEFORE), with_one_channel(grey(BEFORE), OVER)), False),
+            ((grey(0.1), grey(BEFORE), grey(UNDER)), True),
+            ((with_one_pixel(grey(0.5), np.nan),) * 2, True),
+        ],
+        ids=["no pixel", "one channel of one", "since the image before", "not a number"],
+    )
+    def test_ends_where_no_pixel_changed_by_more_than_the_threshold(
+        self, images: tuple[Image, ...], stops: bool
+    ) -> None:
         rule = LuxCoreHalt(View())
-        assert not rule.stops(100, grey(self.BEFORE))
-        assert rule.stops(150, grey(self.UNDER))
-
-    def test_one_channel_of_one_pixel_keeps_it_going(self) -> None:
-        rule = LuxCoreHalt(View())
-        rule.stops(100, grey(self.BEFORE))
-        one = grey(self.BEFORE)
-        one[3, 0, 2] = self.OVER
-        assert not rule.stops(150, one)
-
-    def test_holds_each_image_against_the_one_before_and_not_the_first(self) -> None:
-        rule = LuxCoreHalt(View())
-        rule.stops(100, grey(0.1))
-        assert not rule.stops(150, grey(self.BEFORE))
-        assert rule.stops(200, grey(self.UNDER))
+        ended = [rule.stops(100 + 50 * number, one) for number, one in enumerate(images)]
+        assert ended == [*[False] * (len(images) - 1), stops]
 
     def test_needs_two_images_after_its_warm_up(self) -> None:
         rule = LuxCoreHalt(View())
@@ -63,11 +68,6 @@ class TestLuxCoresRule:
         assert luxcore_displayed(grey(0.25), View(exposure_ev=1))[0, 0, 0] == pytest.approx(
             0.5 ** (1 / 2.2)
         )
-
-    def test_a_pixel_that_is_not_a_number_is_over_no_threshold(self) -> None:
-        rule = LuxCoreHalt(View())
-        rule.stops(100, with_one_pixel(grey(0.5), np.nan))
-        assert rule.stops(150, with_one_pixel(grey(0.5), np.nan))
 
     def test_passes_noise_that_does_not_change_much_from_check_to_check(self) -> None:
         # Its threshold is on the change, which falls as 1/n while the noise falls as 1/sqrt(n).

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
-import png
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
@@ -127,11 +126,6 @@ def test_it_says_how_many_pixels_differ_visibly(file):
 
     assert diff(reference, test).stdout == "16 of 1,536 pixels (1.0 %) differ visibly\n"
     assert diff(reference, reference).stdout == "0 of 1,536 pixels (0 %) differ visibly\n"
-
-
-def test_white_differs_from_black_everywhere(file):
-    black, white = file("a.png", grey(0)), file("b.png", grey(255))
-    assert diff(black, white).stdout == "1,536 of 1,536 pixels (100 %) differ visibly\n"
 
 
 def test_a_share_says_0_and_100_only_where_it_is():
@@ -284,27 +278,6 @@ def test_the_smallest_images_are_right(shape, file):
     assert diff(black, white).stdout == f"{pixels} of {pixels} {noun} (100 %) {verb} visibly\n"
 
 
-def test_exr_with_alpha_half_floats_or_grey_alone(file, tmp_path):
-    image = RNG.random((32, 48, 3), np.float32).astype(np.float16)
-    plain = file("plain.exr", image.astype(np.float32))
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    alpha = np.full(image.shape[:2], 0.25, np.float16)
-    write_exr(tmp_path / "half.exr", header, {"RGBA": np.dstack([image, alpha])})
-    assert compare_files(plain, tmp_path / "half.exr").difference.count == 0
-
-    write_exr(tmp_path / "grey.exr", header, {"Y": image[..., 0].copy()})
-    grey_rgb = file("grey-rgb.exr", np.repeat(image[..., :1], 3, axis=-1).astype(np.float32))
-    assert compare_files(grey_rgb, tmp_path / "grey.exr").difference.count == 0
-
-
-def test_a_png_of_16_bits_says_the_same_as_one_of_8(file, tmp_path):
-    pixels = RNG.integers(0, 256, (32, 48, 3), np.uint8)
-    shallow, deep = file("a.png", pixels), tmp_path / "deep.png"
-    png.from_array((pixels.astype(np.uint16) * 257).reshape(32, -1), "RGB;16").save(deep)
-    assert compare_files(shallow, deep).difference.count == 0
-    assert np.array_equal(compare_files(shallow, deep).shown, compare_files(shallow, shallow).shown)
-
-
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 def test_a_transparent_png_is_laid_over_black_in_linear_light(gamma, file):
     see_through = np.dstack([grey(200), np.full((32, 48), 51, np.uint8)])  # a fifth
@@ -365,7 +338,7 @@ def test_other_files_whatever_their_name(content, file, tmp_path):
     assert "neither a PNG nor an EXR" in refused(file("a.png", grey()), tmp_path / "b.png")
 
 
-@pytest.mark.parametrize("keep", [8, 20, 40, 0.5, 0.95])
+@pytest.mark.parametrize("keep", [20, 0.95])
 @pytest.mark.parametrize("name", ["a.png", "a.exr"])
 def test_files_cut_short(name, keep, file, tmp_path):
     noise = RNG.random((32, 48, 3), np.float32)
@@ -375,13 +348,6 @@ def test_files_cut_short(name, keep, file, tmp_path):
     cut.write_bytes(content[: keep if isinstance(keep, int) else int(keep * len(content))])
 
     assert str(cut) in refused(whole, cut)
-
-
-def test_an_exr_without_colour_names_what_it_has(file, tmp_path):
-    image = np.ones((32, 48, 3), np.float32)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    write_exr(tmp_path / "depth.exr", header, {"depth.Z": image[..., 0].copy()})
-    assert "depth.Z" in refused(file("a.exr", image), tmp_path / "depth.exr")
 
 
 @pytest.mark.parametrize(

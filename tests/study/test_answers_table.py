@@ -6,15 +6,23 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+import typer
 
+from plateau.study import commands
 from plateau.study.answers_table import CannotFit, fit_table, plot_study
-from plateau.study.commands import fit
 
 PAPER = Path(__file__).parents[1] / "reference" / "paper"
 TABLE_1 = PAPER / "table1-probability-to-perceive.csv"
 #: Rows whose a is printed otherwise: −0.00178 and −0.00173 stand where the data give −0.00177 and
 #: −0.00172; the last digit was rounded.
 ROUNDED = {"BAR 2", "PLANTS 2"}
+
+
+def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
+    """Fit as the command does; its exit code."""
+    with pytest.raises(typer.Exit) as ended:
+        commands.fit(table, plot=plot, as_json=as_json)
+    return ended.value.exit_code
 
 
 def rows(name: str) -> dict[str, dict[str, str]]:

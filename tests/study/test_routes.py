@@ -180,15 +180,6 @@ class TestAnswers:
         assert (shown["answers"], shown["observers"], shown["finished"]) == (1, 1, 0)
         assert http.get(f"{study['links']['self']}/observers/o-1").json()["answered"] == [0]
 
-    def test_are_in_redis_when_they_are_acknowledged(
-        self, http: httpx.Client, client: redis.Redis, job: Job
-    ) -> None:
-        study = made(http, job)
-        take_part(http, study)
-        answer(http, study, 3, seen=True)
-        # And so on the disk, for a farm's Redis writes its log before it answers
-        assert client.hexists(study_keys.study(study["id"], "answers"), "o-1:3")
-
     def test_are_exported_as_the_paper_s_table(self, http: httpx.Client, job: Job) -> None:
         study = made(http, job, name="BOX 1")
         for name in ("o-1", "o-2"):

@@ -7,65 +7,41 @@ import typer
 
 from plateau.commands.options import rule_options
 
+#: By option: the field of a spec, of its view or of its EXR file; "" if the name is the same.
+_FIELDS: Final = {
+    "define": "parameters",
+    "time_limit": "time_limit_s",
+    "require": "requires",
+    "aov": "aovs",
+}
+_VIEW: Final = {
+    **dict.fromkeys(("white_luminance", "contrast", "ambient_lux", "pixels_per_degree"), ""),
+    **dict.fromkeys(("primaries", "background", "focus"), ""),
+    "exposure": "exposure_ev",
+    "field_of_view": "field_of_view_deg",
+}
+_EXR: Final = {"exr_precision": "precision", "exr_compression": "compression"}
 
-def spec_fields(
-    *,
-    define: list[str] | None = None,
-    rule: str | None = None,
-    watch: list[str] | None = None,
-    allocation: str | None = None,
-    denoise: str | None = None,
-    shot: str | None = None,
-    exposure: float | None = None,
-    white_luminance: float | None = None,
-    contrast: float | None = None,
-    ambient_lux: float | None = None,
-    field_of_view: float | None = None,
-    pixels_per_degree: float | None = None,
-    seen: str | None = None,
-    primaries: str | None = None,
-    time_limit: float | None = None,
-    require: list[str] | None = None,
-    after: list[str] | None = None,
-    aov: list[str] | None = None,
-    exr_precision: str | None = None,
-    exr_compression: str | None = None,
-    background: str | None = None,
-    focus: Path | None = None,
-    **named_alike: object,
-) -> dict[str, Any]:
+
+def spec_fields(**options: Any) -> dict[str, Any]:
     """The fields of a spec that were given; the options are in `plateau.commands.options`."""
-    if field_of_view is not None and (pixels_per_degree is not None or seen is not None):
+    given = {name: value for name, value in options.items() if value not in (None, [])}
+    seen = given.pop("seen", None)
+    if "field_of_view" in given and (seen is not None or "pixels_per_degree" in given):
         raise typer.BadParameter("--field-of-view stands for pixels per degree: give one of them")
-    view = view_of_place(seen) | _given(
-        exposure_ev=exposure,
-        white_luminance=white_luminance,
-        contrast=contrast,
-        ambient_lux=ambient_lux,
-        field_of_view_deg=field_of_view,
-        pixels_per_degree=pixels_per_degree,
-        primaries=primaries,
-        background=background,
-        focus=_focus(focus) if focus else None,
-    )
-    if field_of_view is not None:
+    view = view_of_place(seen) | _taken(given, _VIEW)
+    if "focus" in view:
+        view["focus"] = _focus(view["focus"])
+    if "field_of_view_deg" in view:
         view["pixels_per_degree"] = None  # which a job that is judged again may have
-    exr = _given(precision=exr_precision, compression=exr_compression)
-    return _given(
-        **named_alike,
-        time_limit_s=time_limit,
-        requires=require or None,
-        after=after or None,
-        aovs=aov or None,
-        exr=exr or None,
-        parameters=define or None,
-        rule=rule,
-        watch=watch or None,
-        allocation=allocation,
-        denoise=denoise,
-        shot=shot,
-        view=view or None,
-    )
+    exr = _taken(given, _EXR)
+    fields = {_FIELDS.get(name, name): value for name, value in given.items()}
+    return fields | ({"view": view} if view else {}) | ({"exr": exr} if exr else {})
+
+
+def _taken(given: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:
+    """Take these options out of the given ones; returns their values by their fields."""
+    return {names[name] or name: given.pop(name) for name in names.keys() & given.keys()}
 
 
 def checked(fields: dict[str, Any]) -> Any:
@@ -87,10 +63,6 @@ def checked(fields: dict[str, Any]) -> Any:
         raise typer.BadParameter("; ".join(messages)) from error
 
 
-def _given(**options: object) -> dict[str, object]:
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def view_of_place(name: str | None) -> dict[str, Any]:
     """The fields of a view that --seen sets; none where it is not given."""
     from plateau.farm.model.spec import PLACES
@@ -108,17 +80,9 @@ def _focus(path: Path) -> list[list[float]]:
     return focus_of(path)
 
 
-#: Options whose names differ from those of the spec's fields.
 _OPTIONS: Final = {
-    "exposure_ev": "exposure",
-    "field_of_view_deg": "field-of-view",
-    "time_limit_s": "time-limit",
-    "aovs": "aov",
-    "requires": "require",
     "fps": "shot",
-    "precision": "exr-precision",
-    "compression": "exr-compression",
-    "parameters": "define",
+    **{field: option for option, field in (_FIELDS | _VIEW | _EXR).items() if field},
 }
 
 

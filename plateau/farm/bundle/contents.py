@@ -9,7 +9,8 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from itertools import islice, takewhile
 from typing import IO, Any, Final
 
@@ -46,8 +47,8 @@ _USE: Final = "convert it to PNG, JPEG (RGB or grey, 8 bits) or OpenEXR"
 #: The channels of an OpenEXR file that Mitsuba takes for colour, with or without A.
 _COLOURS: Final = [
     sorted([*colour, *alpha])
-    for colour in (["y"], ["r", "g", "b"], ["x", "y", "z"], ["y", "ry", "by"])
-    for alpha in ([], ["a"])
+    for colour in (["Y"], ["R", "G", "B"], ["X", "Y", "Z"], ["Y", "RY", "BY"])
+    for alpha in ([], ["A"])
 ]
 _CUT: Final = "is cut short: export or download it again"
 
@@ -212,12 +213,15 @@ def _of_serialized(stream: IO[bytes], size: int) -> str | None:
     return None
 
 
-def _of_image(stream: IO[bytes], size: int) -> str | None:  # noqa: ARG001 - as of meshes
+def _of_image(stream: IO[bytes], _size: int, *, is_texture: bool = True) -> str | None:
     beginning = stream.read(BEGINNING_BYTES)
     for magic, problem_of in _OF_IMAGES:
         if beginning.startswith(magic):
             stream.seek(len(magic))
             return problem_of(stream)
+    if beginning.startswith(_EXR):
+        stream.seek(len(_EXR))
+        return _of_exr(stream, is_texture=is_texture)
     what = None if beginning.startswith(_IMAGES) else what_it_is(beginning)
     return what and f"is {what.partition(';')[0]}, which Mitsuba cannot read: {_USE}"
 
@@ -235,7 +239,7 @@ def _of_png(stream: IO[bytes]) -> str | None:
 def _of_jpeg(stream: IO[bytes]) -> str | None:
     while len(head := stream.read(4)) == 4:
         mark, kind, length = struct.unpack(">BBH", head)
-        if mark != 0xFF:
+        if mark != 0xFF or kind == 0xFF:
             return None  # libjpeg looks for the next mark
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             bits, _, _, channels = struct.unpack(">BHHB", stream.read(6).ljust(6, b"\0"))
@@ -248,7 +252,7 @@ def _of_jpeg(stream: IO[bytes]) -> str | None:
     return _CUT
 
 
-def _of_exr(stream: IO[bytes]) -> str | None:
+def _of_exr(stream: IO[bytes], *, is_texture: bool) -> str | None:
     if struct.unpack("<I", stream.read(4).ljust(4, b"\0"))[0] & 0x800:
         return f"is a deep OpenEXR image, which Mitsuba cannot read: {_USE} without depth"
     while name := _text(stream):
@@ -258,8 +262,9 @@ def _of_exr(stream: IO[bytes]) -> str | None:
             while len(names) < _MOST_CHANNELS and (channel := _text(stream)):
                 names.append(channel)
                 stream.seek(16, os.SEEK_CUR)
-            last = sorted(one.rpartition(".")[2].lower() for one in names)
-            if last in _COLOURS:
+            # Of a texture, Mitsuba takes colour without A from a layer, or in lower case, too.
+            last = sorted(one.rpartition(".")[2].upper() for one in names)
+            if sorted(names) in _COLOURS or (is_texture and last in _COLOURS and "A" not in last):
                 return None
             listed = ", ".join(names[:8])[:100]
             return (
@@ -276,14 +281,14 @@ def _text(stream: IO[bytes]) -> str:
     return b"".join(islice(takewhile(b"\0".__ne__, letters), 255)).decode("latin-1")
 
 
+_EXR: Final = b"\x76\x2f\x31\x01"
 _OF_IMAGES: Final = (
     (b"\x89PNG", _of_png),
     (b"\xff\xd8", _of_jpeg),
-    (b"\x76\x2f\x31\x01", _of_exr),
 )
-_PROBLEM_OF: Final = {
+_PROBLEM_OF: Final[dict[str, Callable[[IO[bytes], int], str | None]]] = {
     "ply": _of_ply,
     "serialized": _of_serialized,
     "bitmap": _of_image,
-    "envmap": _of_image,
+    "envmap": partial(_of_image, is_texture=False),
 }

@@ -75,25 +75,5 @@ def sources(target: JobState) -> tuple[JobState, ...]:
     return tuple(state for state, targets in JOB_MOVES.items() if target in targets)
 
 
-class SliceState(str, Enum):
-    """The state of a slice; the job's stream and ledger tell it, it is never stored."""
-
-    PLANNED = "planned"  #: in the stream, given to nobody
-    LEASED = "leased"  #: in the stream's pending list
-    COMMITTED = "committed"  #: in the ledger
-    WITHDRAWN = "withdrawn"  #: the job ended first
-    POISONED = "poisoned"  #: three workers died on it; the job has failed
-
-
-SLICE_MOVES: Final[dict[SliceState, frozenset[SliceState]]] = {
-    SliceState.PLANNED: frozenset({SliceState.LEASED, SliceState.WITHDRAWN}),
-    SliceState.LEASED: frozenset(
-        {SliceState.COMMITTED, SliceState.PLANNED, SliceState.WITHDRAWN, SliceState.POISONED}
-    ),
-    SliceState.COMMITTED: frozenset(),
-    SliceState.WITHDRAWN: frozenset(),
-    SliceState.POISONED: frozenset(),
-}
-
 #: Workers that may die on one slice before its job fails.
 MAX_TRIES: Final = 3

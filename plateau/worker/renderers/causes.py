@@ -17,6 +17,7 @@ _FRAMES: Final = re.compile(r"^Traceback \(most recent call last\):\n(?:[ \t].*\
 #: Lines of Mitsuba's log, and in them the file that it loads, and what it warns of.
 _ENTRY: Final = r"^(?:\x1b\[[\d;]*m)*\d{4}-\d\d-\d\d \d\d:\d\d:\d\d "
 _COLOURS: Final = re.compile(r"\x1b\[[\d;]*m")
+_TIME: Final = re.compile(_ENTRY, re.MULTILINE)
 _DETAIL: Final = re.compile(rf"{_ENTRY}(?:DEBUG|INFO) .*\n", re.MULTILINE)
 _FILE: Final = re.compile(
     rf'{_ENTRY}DEBUG +\[\w+\] Loading (?!plugin)[^"\n]*"([^"\n]+)"', re.MULTILINE
@@ -58,8 +59,8 @@ def warnings_in(log: str) -> list[str]:
 
 
 def without_details(log: str) -> str:
-    """Return Mitsuba's log with its warnings and errors alone."""
-    return _DETAIL.sub("", _COLOURS.sub("", log))
+    """Return Mitsuba's log with its warnings and errors alone, the same at any time."""
+    return _TIME.sub("", _DETAIL.sub("", _COLOURS.sub("", log)))
 
 
 def without_folders(text: str, folders: Iterable[Path]) -> str:

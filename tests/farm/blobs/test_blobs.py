@@ -19,13 +19,6 @@ class TestAFolder(BlobContract):
     """Does what every store must do; S3 servers are held against the same in tests/cluster."""
 
 
-def test_a_store_that_refuses_is_one_clear_error(tmp_path: Path) -> None:
-    store = Blobs(str(tmp_path / "blobs"))
-    store.put("a", b"x")
-    with pytest.raises(StoreUnavailable, match="blob store failed"):
-        store.put("a/below-a-file", b"x")
-
-
 def test_a_folder_may_be_given_as_a_url(tmp_path: Path) -> None:
     Blobs(f"file://{tmp_path}/a%20b").put("x/y", b"z")
     assert (tmp_path / "a b" / "x" / "y").read_bytes() == b"z"

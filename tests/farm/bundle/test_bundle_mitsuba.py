@@ -41,159 +41,95 @@ def chain(length: int) -> dict[str, bytes]:
 
 IN_S = include("s/a.xml")
 
+
+def files(top: bytes, *names: str) -> dict[str, bytes]:
+    """A scene, and files of these names that are as they should be."""
+    kinds = {"ply": PLY, "spd": SPECTRUM, "xml": part()}
+    return {"scene.xml": top, **{name: kinds[name[-3:]] for name in names}}
+
+
+def via(included: bytes, *names: str) -> dict[str, bytes]:
+    """The same of a scene that includes this one in a folder."""
+    return {"s/a.xml": included, **files(scene(IN_S), *names)}
+
+
 #: Each a scene by its files; Mitsuba loads the first group and refuses the second.
 CASES: dict[str, Mapping[str, bytes]] = {
     # Plugins look along the scene's own folders, wherever they are written.
     "mesh beside the scene": {"scene.xml": scene(mesh("m.ply")), "m.ply": PLY},
-    "mesh from a part, beside the scene": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(mesh("m.ply")),
-        "m.ply": PLY,
-    },
-    "mesh from a part, beside the part": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(mesh("m.ply")),
-        "s/m.ply": PLY,
-    },
+    "mesh from a part, beside the scene": via(part(mesh("m.ply")), "m.ply"),
+    "mesh from a part, beside the part": via(part(mesh("m.ply")), "s/m.ply"),
     "mesh in a path": {"scene.xml": scene(folder("p"), mesh("m.ply")), "p/m.ply": PLY},
-    "mesh in a path that comes later": {
-        "scene.xml": scene(mesh("m.ply"), folder("p")),
-        "p/m.ply": PLY,
-    },
-    "mesh in a part's path": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(folder("p"), mesh("m.ply")),
-        "s/p/m.ply": PLY,
-    },
+    "mesh in a path that comes later": files(scene(mesh("m.ply"), folder("p")), "p/m.ply"),
+    "mesh in a part's path": via(part(folder("p"), mesh("m.ply")), "s/p/m.ply"),
     "mesh in another case": {"scene.xml": scene(mesh("M.ply")), "m.ply": PLY},
     "mesh up from nowhere": {"scene.xml": scene(mesh("no/../m.ply")), "m.ply": PLY},
-    "mesh up from somewhere": {
-        "scene.xml": scene(mesh("p/../m.ply")),
-        "m.ply": PLY,
-        "p/x": b"",
-    },
+    "mesh up from somewhere": files(scene(mesh("p/../m.ply")), "m.ply") | {"p/x": b""},
     "mesh with odd slashes": {"scene.xml": scene(mesh(".//p//m.ply")), "p/m.ply": PLY},
     "mesh with a space": {"scene.xml": scene(mesh(" m.ply")), "m.ply": PLY},
     "mesh with an accent": {"scene.xml": scene(mesh("é.ply")), "é.ply": PLY},
     "mesh with a character reference": {"scene.xml": scene(mesh("&#109;.ply")), "m.ply": PLY},
     # Includes look in their own folder, then along the folders so far.
-    "include beside a part": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(include("b.xml")),
-        "s/b.xml": part(),
-    },
-    "include beside the scene, from a part": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(include("b.xml")),
-        "b.xml": part(),
-    },
-    "include beside the middle": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(include("t/c.xml")),
-        "s/t/c.xml": part(include("b.xml")),
-        "s/b.xml": part(),
-    },
-    "include in the middle's path": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(folder("q"), include("t/c.xml")),
-        "s/t/c.xml": part(include("b.xml")),
-        "s/q/b.xml": part(),
-    },
-    "include in a path that comes later": {
-        "scene.xml": scene(include("b.xml"), folder("p")),
-        "p/b.xml": part(),
-    },
-    "include in a path that has ended": {
-        "scene.xml": scene(IN_S, include("b.xml")),
-        "s/a.xml": part(folder("p")),
-        "s/p/b.xml": part(),
-    },
-    "include's path beside the scene": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(folder("q"), include("b.xml")),
-        "q/b.xml": part(),
-    },
+    "include beside a part": via(part(include("b.xml")), "s/b.xml"),
+    "include beside the scene, from a part": via(part(include("b.xml")), "b.xml"),
+    "include beside the middle": via(part(include("t/c.xml")), "s/b.xml")
+    | {"s/t/c.xml": part(include("b.xml"))},
+    "include in the middle's path": via(part(folder("q"), include("t/c.xml")), "s/q/b.xml")
+    | {"s/t/c.xml": part(include("b.xml"))},
+    "include in a path that comes later": files(scene(include("b.xml"), folder("p")), "p/b.xml"),
+    "include in a path that has ended": files(scene(IN_S, include("b.xml")), "s/p/b.xml")
+    | {"s/a.xml": part(folder("p"))},
+    "include's path beside the scene": via(part(folder("q"), include("b.xml")), "q/b.xml"),
     "include of the right one of two": {  # the other one does not load
         "scene.xml": scene(folder("p"), include("b.xml")),
         "b.xml": part(),
         "p/b.xml": part(mesh("no.ply")),
     },
-    "include of the wrong one of two": {
-        "scene.xml": scene(folder("p"), include("b.xml")),
-        "b.xml": part(mesh("no.ply")),
-        "p/b.xml": part(),
-    },
+    "include of the wrong one of two": files(scene(folder("p"), include("b.xml")), "p/b.xml")
+    | {"b.xml": part(mesh("no.ply"))},
     "includes as deep as they go": chain(13),
     "includes one deeper": chain(14),
     # Spectra look along the folders so far, and not beside the part.
     "spectrum beside the scene": {"scene.xml": scene(spectrum("a.spd")), "a.spd": SPECTRUM},
-    "spectrum beside a part": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(spectrum("a.spd")),
-        "s/a.spd": SPECTRUM,
-    },
-    "spectrum beside the scene, from a part": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(spectrum("a.spd")),
-        "a.spd": SPECTRUM,
-    },
-    "spectrum beside the middle": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(include("t/c.xml")),
-        "s/t/c.xml": part(spectrum("a.spd")),
-        "s/a.spd": SPECTRUM,
-    },
-    "spectrum in a part's path": {
-        "scene.xml": scene(IN_S),
-        "s/a.xml": part(folder("q"), spectrum("a.spd")),
-        "s/q/a.spd": SPECTRUM,
-    },
-    "spectrum in a path that comes later": {
-        "scene.xml": scene(spectrum("a.spd"), folder("p")),
-        "p/a.spd": SPECTRUM,
-    },
-    "spectrum in a path that has ended": {
-        "scene.xml": scene(IN_S, spectrum("a.spd")),
-        "s/a.xml": part(folder("p")),
-        "s/p/a.spd": SPECTRUM,
-    },
+    "spectrum beside a part": via(part(spectrum("a.spd")), "s/a.spd"),
+    "spectrum beside the scene, from a part": via(part(spectrum("a.spd")), "a.spd"),
+    "spectrum beside the middle": via(part(include("t/c.xml")), "s/a.spd")
+    | {"s/t/c.xml": part(spectrum("a.spd"))},
+    "spectrum in a part's path": via(part(folder("q"), spectrum("a.spd")), "s/q/a.spd"),
+    "spectrum in a path that comes later": files(scene(spectrum("a.spd"), folder("p")), "p/a.spd"),
+    "spectrum in a path that has ended": files(scene(IN_S, spectrum("a.spd")), "s/p/a.spd")
+    | {"s/a.xml": part(folder("p"))},
     # Parameters
-    "default ahead of its use": {
-        "scene.xml": scene('<default name="m" value="m"/>', mesh("$m.ply")),
-        "m.ply": PLY,
-    },
-    "default behind its use": {
-        "scene.xml": scene(mesh("$m.ply"), '<default name="m" value="m"/>'),
-        "m.ply": PLY,
-    },
-    "default from a part": {
-        "scene.xml": scene(include("a.xml"), mesh("$m.ply")),
-        "a.xml": part('<default name="m" value="m"/>'),
-        "m.ply": PLY,
-    },
-    "default of a default": {
-        "scene.xml": scene(
-            '<default name="a" value="m"/><default name="b" value="$a.ply"/>'
-        ).replace(b"</scene>", mesh("$b").encode() + b"</scene>"),
-        "m.ply": PLY,
-    },
-    "parameter whose name begins another's": {
-        "scene.xml": scene('<default name="a" value="x"/><default name="ab" value="m"/>').replace(
+    "default ahead of its use": files(
+        scene('<default name="m" value="m"/>', mesh("$m.ply")), "m.ply"
+    ),
+    "default behind its use": files(
+        scene(mesh("$m.ply"), '<default name="m" value="m"/>'), "m.ply"
+    ),
+    "default from a part": files(scene(include("a.xml"), mesh("$m.ply")), "m.ply")
+    | {"a.xml": part('<default name="m" value="m"/>')},
+    "default of a default": files(
+        scene('<default name="a" value="m"/><default name="b" value="$a.ply"/>').replace(
+            b"</scene>", mesh("$b").encode() + b"</scene>"
+        ),
+        "m.ply",
+    ),
+    "parameter whose name begins another's": files(
+        scene('<default name="a" value="x"/><default name="ab" value="m"/>').replace(
             b"</scene>", mesh("$ab.ply").encode() + b"</scene>"
         ),
-        "m.ply": PLY,
-    },
-    "parameter with letters behind it": {
-        "scene.xml": scene('<default name="a" value="m"/>', mesh("$ab.ply")),
-        "mb.ply": PLY,
-    },
+        "m.ply",
+    ),
+    "parameter with letters behind it": files(
+        scene('<default name="a" value="m"/>', mesh("$ab.ply")), "mb.ply"
+    ),
     "dollar escaped": {"scene.xml": scene(mesh(r"a\$b.ply")), "a$b.ply": PLY},
-    "parameter as a property's name": {
-        "scene.xml": scene(
+    "parameter as a property's name": files(
+        scene(
             '<default name="n" value="filename"/>',
             '<shape type="ply"><string name="$n" value="no.ply"/></shape>',
-        ),
-    },
+        )
+    ),
     # Films
     "film of a size": {"scene.xml": scene(sensor=size(5, 7, names=("width", "height")))},
     "film's size with spaces": {"scene.xml": scene(sensor=size(" 20 "))},
@@ -202,63 +138,55 @@ CASES: dict[str, Mapping[str, bytes]] = {
     "film's size with a fraction": {"scene.xml": scene(sensor=size("20.0"))},
     "film's size a string": {"scene.xml": scene(sensor=size("20", tag="string"))},
     "film's size negative": {"scene.xml": scene(sensor=size("-20"))},
-    "film's crop off the film": {
-        "scene.xml": scene(sensor=size(9, 1, 9, names=("width", "crop_offset_x", "crop_width")))
-    },
-    "film's crop": {
-        "scene.xml": scene(sensor=size(9, 1, 8, names=("width", "crop_offset_x", "crop_width")))
-    },
-    "film's crop in the old spelling": {
-        "scene.xml": scene(sensor=size(9, 4, names=("width", "cropWidth"))).replace(
-            b"3.0.0", b"0.6.0"
-        )
-    },
-    "film by reference": {
-        "scene.xml": scene(
+    "film's crop off the film": files(
+        scene(sensor=size(9, 1, 9, names=("width", "crop_offset_x", "crop_width")))
+    ),
+    "film's crop": files(
+        scene(sensor=size(9, 1, 8, names=("width", "crop_offset_x", "crop_width")))
+    ),
+    "film's crop in the old spelling": files(
+        scene(sensor=size(9, 4, names=("width", "cropWidth"))).replace(b"3.0.0", b"0.6.0")
+    ),
+    "film by reference": files(
+        scene(
             '<film type="hdrfilm" id="f"><integer name="width" value="20"/></film>',
             sensor='<sensor type="perspective"><ref id="f"/></sensor>',
         )
-    },
-    "film by alias": {
-        "scene.xml": scene(
+    ),
+    "film by alias": files(
+        scene(
             '<alias id="f" as="g"/><sensor type="perspective"><ref id="g"/></sensor>',
             sensor='<film type="hdrfilm" id="f"><integer name="width" value="20"/></film>',
         )
-    },
-    "film from a part": {
-        "scene.xml": scene(
-            sensor='<sensor type="perspective"><include filename="f.xml"/></sensor>'
-        ),
-        "f.xml": b'<film version="3.0.0" type="hdrfilm"><integer name="width" value="20"/></film>',
-    },
-    "film from a part that is a scene": {
-        "scene.xml": scene(
-            sensor='<sensor type="perspective"><include filename="f.xml"/></sensor>'
-        ),
-        "f.xml": part('<film type="hdrfilm"><integer name="width" value="20"/></film>'),
-    },
-    "sensor from a part, ahead of the scene's": {
-        "scene.xml": scene(include("s.xml") + size(30), sensor=""),
-        "s.xml": part(size(20)),
-    },
-    "sensor on a shape": {
-        "scene.xml": scene(
+    ),
+    "film from a part": files(
+        scene(sensor='<sensor type="perspective"><include filename="f.xml"/></sensor>')
+    )
+    | {"f.xml": b'<film version="3.0.0" type="hdrfilm"><integer name="width" value="20"/></film>'},
+    "film from a part that is a scene": files(
+        scene(sensor='<sensor type="perspective"><include filename="f.xml"/></sensor>')
+    )
+    | {"f.xml": part('<film type="hdrfilm"><integer name="width" value="20"/></film>')},
+    "sensor from a part, ahead of the scene's": files(scene(include("s.xml") + size(30), sensor=""))
+    | {"s.xml": part(size(20))},
+    "sensor on a shape": files(
+        scene(
             '<shape type="sphere"><sensor type="irradiancemeter"><film type="hdrfilm">'
             '<integer name="width" value="3"/><rfilter type="box"/></film></sensor></shape>'
             + size(9),
             sensor="",
         )
-    },
-    "sensor of sensors": {
-        "scene.xml": scene(
+    ),
+    "sensor of sensors": files(
+        scene(
             f'<sensor type="batch">{size(5)}{size(5)}<film type="hdrfilm">'
             '<integer name="width" value="10"/></film></sensor>' + size(9),
             sensor="",
         )
-    },
-    "sensor in a scene in the scene": {
-        "scene.xml": scene(f'<scene type="scene">{size(5)}</scene>' + size(9), sensor="")
-    },
+    ),
+    "sensor in a scene in the scene": files(
+        scene(f'<scene type="scene">{size(5)}</scene>' + size(9), sensor="")
+    ),
     "many sensors": {"scene.xml": scene(sensor="".join(size(n) for n in range(1, 13)))},
 }
 

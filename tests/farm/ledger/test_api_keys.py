@@ -182,14 +182,6 @@ class TestAnAllowance:
         assert granted == 100
         assert all(allowance.seconds_to_wait(key) > 20 for allowance in several)
 
-    def test_is_each_key_s_own(self, keys: ApiKeys, client: redis.Redis) -> None:
-        one, _ = keys.create("one", Role.VIEWER, limits(requests_per_minute=1, burst=1))
-        two, _ = keys.create("two", Role.VIEWER, limits(requests_per_minute=1, burst=1))
-        allowance = Allowance(client)
-        assert allowance.seconds_to_wait(one) == 0
-        assert allowance.seconds_to_wait(one) > 0
-        assert allowance.seconds_to_wait(two) == 0
-
     def test_writes_once_for_a_handful_and_never_for_a_refusal(
         self, keys: ApiKeys, client: redis.Redis
     ) -> None:

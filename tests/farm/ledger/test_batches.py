@@ -1,6 +1,5 @@
 """Batches: made at once, summed up, steered, and forgotten."""
 
-import json
 from datetime import datetime, timedelta, timezone
 from typing import Any
 
@@ -105,19 +104,6 @@ class TestTheIndex:
             ("a", 4, {JobState.QUEUED: 3, JobState.CANCELLED: 1}),
             ("c", 2, {JobState.QUEUED: 2}),
         ]
-
-    def test_finds_a_batch_s_jobs_of_a_state_by_pages(self, jobs: Jobs) -> None:
-        ids = create(jobs, 9)
-        create(jobs, 2, "other")
-        for job_id in ids[::2]:
-            jobs.cancel(job_id)
-        seen, before = [], None
-        while True:
-            page, before = jobs.search(batch="b", state=JobState.CANCELLED, before=before, limit=2)
-            seen += [job.id for job in page]
-            if before is None:
-                break
-        assert seen == ids[::2][::-1]
 
     def test_of_a_state_follows_every_move(self, client: redis.Redis, jobs: Jobs) -> None:
         def listed() -> dict[str, list[str]]:
@@ -355,29 +341,3 @@ class TestSteering:
         batches.steer("b", Steer.PAUSE)
         assert jobs.resume(first).state is JobState.QUEUED
         assert [jobs.get(job).held for job in (first, second)] == [False, True]
-
-
-class TestWorkers:
-    def test_render_a_batch_in_its_order_and_share_themselves_between_batches(
-        self, client: redis.Redis, jobs: Jobs
-    ) -> None:
-        # Given a batch of many and one of one, with work in each job for two workers
-        many = [StagedJob(client, job_id) for job_id in create(jobs, 5, "many")]
-        one = [StagedJob(client, job_id) for job_id in create(jobs, 1, "one")]
-        for staged in (*many, *one):
-            staged.plan()
-            staged.plan()
-        queue = SliceQueue(client, "another", lease_s=60)
-        leased = [queue.lease(("scalar_rgb",), None, in_turn=False) for _ in range(4)]
-        # Then each has two of four slices, the many from the first job on
-        ids = [lease.job_id for lease in leased if lease is not None]
-        assert ids == [many[0].id, one[0].id, many[0].id, one[0].id]
-        following = queue.lease(("scalar_rgb",), None, in_turn=False)
-        assert following is not None
-        assert following.job_id == many[1].id
-
-
-def test_a_page_of_batches_is_json_safe(jobs: Jobs, batches: Batches) -> None:
-    create(jobs, 2, 'a "quoted" name')
-    [line] = batches.page()[0]
-    assert json.loads(json.dumps(line.name)) == 'a "quoted" name'

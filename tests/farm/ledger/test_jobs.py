@@ -82,30 +82,6 @@ def test_an_unknown_job_is_said_to_be_unknown(jobs: Jobs) -> None:
         jobs.cancel("nope")
 
 
-def test_pages_list_every_job_once_newest_first(jobs: Jobs) -> None:
-    made = [create(jobs) for _ in range(7)]
-    seen, before = [], None
-    while True:
-        page, before = jobs.search(before=before, limit=3)
-        seen += [job.id for job in page]
-        if before is None:
-            break
-    assert seen == made[::-1]
-
-
-def test_a_search_goes_on_where_it_stopped(jobs: Jobs) -> None:
-    made = [create(jobs, batch="even" if i % 2 == 0 else "odd") for i in range(9)]
-    seen, before = [], None
-    while True:
-        page, before = jobs.search(batch="even", before=before, limit=2)
-        seen += [job.id for job in page]
-        if before is None:
-            break
-    assert seen == made[::-2]
-    jobs.cancel(made[3])
-    assert [job.id for job in jobs.search(state=JobState.CANCELLED)[0]] == [made[3]]
-
-
 def test_a_redis_that_is_away_is_one_clear_error() -> None:
     jobs = Jobs(connect("unix:///nonexistent/redis.sock"))
     with pytest.raises(StoreUnavailable, match="Redis cannot be reached"):

@@ -1,58 +1,31 @@
 """A paused job is leased to nobody and loses nothing; a priority counts from the next lease."""
 
 import itertools
-import time
 
 import pytest
 import redis
 
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.model.errors import IllegalTransition, JobEnded, JobNotFound
 from plateau.farm.model.job import Job
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
+from tests.support.farms.ledger_farm import LedgerFarm, commit
 
-LEASE_S = 0.5
 POINT = {"visible_pixels": 3, "visible_fraction": 0.1, "slope": None}
 ESTIMATE = {"estimate_pixels": 9.0, "estimate_fraction": 0.1}
 
 
-class Farm:
-    """One Redis, one monitor's ownerships and any number of workers."""
+class Farm(LedgerFarm):
+    """Its jobs are of three slices, which any worker is given."""
 
-    def __init__(self, client: redis.Redis) -> None:
-        self.client = client
-        self.jobs = Jobs(client)
-        self.owners = Ownerships(client, lease_s=60)
+    def lease(self) -> Lease | None:
+        return self.worker().lease(("scalar_rgb",), None, in_turn=False)
 
-    def worker(self, name: str = "w") -> SliceQueue:
-        return SliceQueue(self.client, name, LEASE_S)
-
-    def job(self, slices: int = 3, **spec: object) -> tuple[Job, Ownership]:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
-        self.owners.plan(owned, range(slices))
-        return job, owned
-
-    def lease(self, worker: SliceQueue | None = None) -> Lease | None:
-        return (worker or self.worker()).lease(("scalar_rgb",), None, in_turn=False)
-
-    def commit(self, held: Lease) -> Committed:
-        record = SliceRecord(
-            index=held.index,
-            spp=25,
-            first_seed=held.index,
-            last_seed=held.index,
-            blob=f"partial-{held.index}",
-            sha256="00",
-            worker="w",
-            render_s=0.1,
-        )
-        return self.worker().commit(held, record, width=8, height=4, notes=())
+    def moves(self, job: Job, **seconds: float) -> None:
+        """Such a moment of the job was so much earlier."""
+        for moment, ago_s in seconds.items():
+            self.client.hincrbyfloat(keys.job(job.id), moment, -1000 * ago_s)
 
 
 @pytest.fixture
@@ -68,23 +41,13 @@ def test_no_slice_of_a_paused_job_is_leased(farm: Farm) -> None:
     assert farm.lease() is None
     # What is being rendered is kept alive, and committed
     assert farm.worker().heartbeat({}, (held,)) == ()
-    assert farm.commit(held) is Committed.COMMITTED
+    assert commit(farm.worker(), held) is Committed.COMMITTED
     assert farm.jobs.get(job.id).state is JobState.PAUSED
     # When it is resumed, it goes on with the next
     assert farm.jobs.resume(job.id).state is JobState.RENDERING
     following = farm.lease()
     assert following is not None
     assert following.index == 1
-
-
-def test_workers_of_a_paused_job_are_free_for_a_lower_priority(farm: Farm) -> None:
-    urgent, _ = farm.job(priority=5)
-    farm.lease()
-    other, _ = farm.job()
-    farm.jobs.pause(urgent.id)
-    held = farm.lease()
-    assert held is not None
-    assert held.job_id == other.id
 
 
 @pytest.mark.parametrize(
@@ -116,49 +79,6 @@ def test_jobs_that_are_not_there(farm: Farm) -> None:
     assert farm.client.zcard(keys.OPEN) == 0
 
 
-def test_the_story_tells_of_the_pause(farm: Farm) -> None:
-    job, _ = farm.job()
-    farm.lease()
-    farm.jobs.pause(job.id, "the machines are needed")
-    farm.jobs.resume(job.id)
-    assert [line.split(maxsplit=2)[2] for line in farm.jobs.story(job.id)] == [
-        "queued: created",
-        "rendering: rendering with scalar_rgb",
-        "paused: the machines are needed",
-        "rendering: resumed by a user",
-    ]
-
-
-def test_the_slice_of_a_worker_that_died_meanwhile_goes_to_another_after_it(farm: Farm) -> None:
-    job, _ = farm.job(slices=1)
-    held = farm.lease(farm.worker("dies"))
-    assert held is not None
-    farm.jobs.pause(job.id)
-    time.sleep(LEASE_S)
-    assert farm.lease() is None
-    farm.jobs.resume(job.id)
-    again = farm.lease()
-    assert again is not None
-    assert (again.index, again.tries) == (held.index, 2)
-
-
-@pytest.mark.parametrize("how", ["handed back", "died"])
-def test_a_slice_that_came_back_meanwhile_is_there_after_it(farm: Farm, how: str) -> None:
-    job, _ = farm.job(slices=1)
-    held = farm.lease()
-    assert held is not None
-    farm.jobs.pause(job.id)
-    if how == "died":
-        assert farm.worker().died(held, "SIGSEGV", 0.1) == "put back"
-    else:
-        farm.worker().hand_back(held)
-    assert farm.lease() is None
-    farm.jobs.resume(job.id)
-    again = farm.lease()
-    assert again is not None
-    assert again.index == held.index
-
-
 def test_a_job_that_starts_anew_starts_its_clock_anew(farm: Farm) -> None:
     job, _ = farm.job()
     held = farm.lease()
@@ -166,7 +86,7 @@ def test_a_job_that_starts_anew_starts_its_clock_anew(farm: Farm) -> None:
     # Given that its first worker found, while the job was paused, that it can render nothing
     farm.jobs.pause(job.id)
     farm.worker().hand_back(held, unfit=True, cause="no LLVM")
-    time.sleep(0.05)
+    farm.moves(job, started_at=1)
     resumed = farm.jobs.resume(job.id)
     assert resumed.variant is None
     # Then the time limit counts from the lease by which it starts again
@@ -197,30 +117,28 @@ def test_pauses_add_up_and_the_one_that_lasts_is_dated(farm: Farm) -> None:
     for _ in range(2):
         paused = farm.jobs.pause(job.id)
         assert paused.paused_at is not None
-        time.sleep(0.05)
         assert farm.jobs.pause(job.id).paused_at == paused.paused_at  # said again
+        farm.moves(job, paused_at=50)
         resumed = farm.jobs.resume(job.id)
     assert resumed.paused_at is None
-    assert 0.1 <= resumed.paused_s < 60
+    assert 100 <= resumed.paused_s < 150
     # An end ends the pause too
     farm.jobs.pause(job.id)
-    time.sleep(0.06)
-    assert farm.jobs.cancel(job.id).paused_s >= resumed.paused_s + 0.05
+    farm.moves(job, paused_at=50)
+    assert farm.jobs.cancel(job.id).paused_s >= resumed.paused_s + 50
 
 
 def test_a_pause_does_not_slow_the_forecast(farm: Farm) -> None:
     job, owned = farm.job()
-    started = time.monotonic()
     farm.lease()
-    time.sleep(0.05)
     farm.jobs.pause(job.id)
-    time.sleep(1.0)
+    # Given that it has rendered for 100 s, and is paused for 1000 s by now
+    farm.moves(job, started_at=1100, paused_at=1000)
     # A point that comes while the job is paused, of slices that were in hand
     farm.owners.append_point(owned, 100, {"spp": 100, **POINT, **ESTIMATE, "forecast_spp": 200})
-    took = time.monotonic() - started
     forecast_s = farm.jobs.get(job.id).forecast_s
     assert forecast_s is not None
-    assert 0.04 <= forecast_s <= took - 0.95
+    assert 99 <= forecast_s < 200
     # and it stays so, however long the pause
     farm.jobs.resume(job.id)
     assert farm.jobs.get(job.id).forecast_s == forecast_s
@@ -247,21 +165,6 @@ def test_a_priority_counts_from_the_next_lease(farm: Farm) -> None:
     assert leased.job_id == second.id
     # The rest of the spec is as it was
     assert farm.jobs.get(first.id).spec == first.spec.model_copy(update={"priority": -1})
-
-
-def test_a_paused_job_keeps_the_priority_that_it_gets(farm: Farm) -> None:
-    job, _ = farm.job()
-    farm.lease()
-    other, _ = farm.job(priority=1)
-    farm.jobs.pause(job.id)
-    farm.jobs.set_priority(job.id, 2)
-    leased = farm.lease()
-    assert leased is not None
-    assert leased.job_id == other.id
-    farm.jobs.resume(job.id)
-    leased = farm.lease()
-    assert leased is not None
-    assert leased.job_id == job.id
 
 
 def test_the_priority_of_an_ended_job_stays(farm: Farm) -> None:

@@ -1,77 +1,25 @@
 """Slices are leased, kept, committed, given back and lost; each counts once."""
 
-import time
-from dataclasses import dataclass
-
 import pytest
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Committed
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.job import Job
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-
-LEASE_S = 1.0  # a busy machine may hold a test up for half a second
-VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
-
-
-@dataclass
-class Farm:
-    """One Redis, one monitor's ownerships and any number of workers."""
-
-    client: redis.Redis
-
-    def __post_init__(self) -> None:
-        self.jobs = Jobs(self.client)
-        self.owners = Ownerships(self.client, lease_s=15)
-
-    def worker(self, name: str) -> SliceQueue:
-        return SliceQueue(self.client, name, LEASE_S)
-
-    def job(self, slices: int = 4, **spec: object) -> tuple[Job, Ownership]:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
-        self.owners.plan(owned, range(slices))
-        return job, owned
+from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease
 
 
 @pytest.fixture
-def farm(client: redis.Redis) -> Farm:
-    return Farm(client)
+def farm(client: redis.Redis) -> LedgerFarm:
+    return LedgerFarm(client)
 
 
-def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
-    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
-    assert found is not None
-    return found
-
-
-def commit(
-    worker: SliceQueue, held: Lease, *, first_seed: int | None = None, blob: str = ""
-) -> Committed:
-    first = 10 * held.index if first_seed is None else first_seed
-    record = SliceRecord(
-        index=held.index,
-        spp=25,
-        first_seed=first,
-        last_seed=first + 2,
-        blob=blob or f"partial-{held.index}",
-        sha256="00",
-        worker="w",
-        render_s=1.5,
-    )
-    return worker.commit(held, record, width=8, height=4, notes=("a note",))
-
-
-def test_there_is_something_to_see_before_the_first_slice_is_there(farm: Farm) -> None:
+def test_there_is_something_to_see_before_the_first_slice_is_there(farm: LedgerFarm) -> None:
     job, owned = farm.job()
     worker, other = farm.worker("w"), farm.worker("x")
     held = lease(worker)
@@ -94,7 +42,7 @@ def test_there_is_something_to_see_before_the_first_slice_is_there(farm: Farm) -
     assert announced == [{"spp": 4}]
 
 
-def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: Farm) -> None:
+def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=3)
     worker = farm.worker("w")
     assert [lease(worker).index for _ in range(3)] == [0, 1, 2]
@@ -104,14 +52,14 @@ def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: Farm) -> 
     assert started.started_at is not None
 
 
-def test_planning_the_same_slices_again_plans_none(farm: Farm) -> None:
+def test_planning_the_same_slices_again_plans_none(farm: LedgerFarm) -> None:
     job, owned = farm.job(slices=3)
     farm.owners.plan(owned, range(3))
     farm.owners.plan(owned, range(1, 4))
     assert farm.client.hmget(keys.job(job.id), "planned", "ready") == ["4", "4"]
 
 
-def test_a_commit_enters_the_ledger_once(farm: Farm) -> None:
+def test_a_commit_enters_the_ledger_once(farm: LedgerFarm) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     held = lease(worker)
@@ -127,12 +75,12 @@ def test_a_commit_enters_the_ledger_once(farm: Farm) -> None:
     assert list(farm.jobs.ledger(job.id)) == [0]
 
 
-def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: Farm) -> None:
+def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: LedgerFarm) -> None:
     farm.job(slices=1)
     slow, quick = farm.worker("slow"), farm.worker("quick")
     first = lease(slow)
     assert quick.lease(VARIANTS, None, in_turn=False) is None
-    time.sleep(LEASE_S)
+    farm.runs_out(first)
     second = lease(quick)
     assert (second.index, second.tries) == (first.index, 2)
     # The zombie comes back: its heartbeat says that the slice is not its own any more
@@ -143,25 +91,25 @@ def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: Farm) -> None:
     assert quick.heartbeat({}, (second,)) == (second,)
 
 
-def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: Farm) -> None:
+def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     cut_off, other = farm.worker("cut off"), farm.worker("other")
     held = lease(cut_off)
     cut_off.heartbeat({}, (held,))
     # Given that Redis heard of no worker at all for longer than a lease
-    time.sleep(2 * LEASE_S)
+    farm.runs_out(held)
+    farm.client.set(keys.HEARD, 1)
     # Then the first that reaches it again does not get the slice of the one that could not renew
     assert other.lease(VARIANTS, None, in_turn=False) is None
     assert cut_off.heartbeat({}, (held,)) == ()
     # But one that stays away loses it a lease later
-    for _ in range(5):
-        time.sleep(LEASE_S / 3)
-        other.heartbeat({}, ())
+    farm.client.delete(keys.GRACE)
+    farm.runs_out(held)
     assert lease(other).tries == 2
     assert troubles(farm, job) == ["worker cut off was lost"]
 
 
-def test_a_slice_that_was_committed_late_is_not_rendered_again(farm: Farm) -> None:
+def test_a_slice_that_was_committed_late_is_not_rendered_again(farm: LedgerFarm) -> None:
     job, owned = farm.job(slices=1)
     slow, quick = farm.worker("slow"), farm.worker("quick")
     late = lease(slow)
@@ -178,22 +126,22 @@ def test_a_slice_that_was_committed_late_is_not_rendered_again(farm: Farm) -> No
     assert list(farm.jobs.ledger(job.id)) == [0]
 
 
-def troubles(farm: Farm, job: Job) -> list[object]:
+def troubles(farm: LedgerFarm, job: Job) -> list[object]:
     return [event.data["cause"] for event in farm.jobs.events(job.id) if event.type == "trouble"]
 
 
-def test_heartbeats_keep_a_lease(farm: Farm) -> None:
+def test_heartbeats_keep_a_lease(farm: LedgerFarm) -> None:
     farm.job(slices=1)
     worker, other = farm.worker("w"), farm.worker("other")
     held = lease(worker)
     for _ in range(4):
-        time.sleep(LEASE_S / 2)
+        farm.runs_out(held)
         assert worker.heartbeat({}, (held,)) == ()
         assert other.lease(VARIANTS, None, in_turn=False) is None
     assert commit(worker, held) is Committed.COMMITTED
 
 
-def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: Farm) -> None:
+def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: LedgerFarm) -> None:
     farm.job(slices=1)
     worker, other = farm.worker("w"), farm.worker("other")
     for _ in range(5):
@@ -201,11 +149,10 @@ def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: Farm) -> N
     assert lease(other).tries == 1
 
 
-def test_the_third_death_on_a_slice_poisons_the_job(farm: Farm) -> None:
+def test_the_third_death_on_a_slice_poisons_the_job(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=2)
     assert farm.worker("a").died(lease(farm.worker("a")), "SIGSEGV", 1.0) == "put back"
-    lease(farm.worker("b"))  # dies without a word
-    time.sleep(LEASE_S)
+    farm.runs_out(lease(farm.worker("b")))  # it dies without a word
     held = lease(farm.worker("c"))
     assert held.tries == 3
     assert farm.worker("c").died(held, "SIGABRT", 1.0) == "poisoned"
@@ -219,7 +166,7 @@ def test_the_third_death_on_a_slice_poisons_the_job(farm: Farm) -> None:
     assert (failed.ended_by, failed.failed_slice) == ("deaths", 0)
 
 
-def test_a_scene_at_fault_fails_the_job_at_once(farm: Farm) -> None:
+def test_a_scene_at_fault_fails_the_job_at_once(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=2)
     lease(farm.worker("a"))
     farm.worker("b").fail(lease(farm.worker("b")), "slice 7 failed 3 times: no such plugin")
@@ -227,48 +174,47 @@ def test_a_scene_at_fault_fails_the_job_at_once(farm: Farm) -> None:
     assert (failed.ended_by, failed.failed_slice) == ("scene", 1)
 
 
-def test_three_silent_deaths_poison_the_job_too(farm: Farm) -> None:
+def test_three_silent_deaths_poison_the_job_too(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     for name in "abc":
-        lease(farm.worker(name))
-        time.sleep(LEASE_S)
+        farm.runs_out(lease(farm.worker(name)))
     assert farm.worker("d").lease(VARIANTS, None, in_turn=False) is None
     assert "worker c was lost" in farm.jobs.get(job.id).reason
 
 
-def lost_one_after_the_other(farm: Farm, job: Job, most: int) -> int:
+def lost_one_after_the_other(farm: LedgerFarm, job: Job, most: int) -> int:
     """Cut off a worker, till another has its slice, then the next; each is heard of again then.
 
     Returns how many the job survived of so many.
     """
-    lease_s, watching = 0.2, farm.worker("watching")
     previous = None
     for number in range(most):
-        worker = SliceQueue(farm.client, f"cut off {number}", lease_s)
+        worker = farm.worker(f"cut off {number}")
         worker.heartbeat({"variants": VARIANTS}, ())
-        while worker.lease(VARIANTS, None, in_turn=False) is None:
-            watching.heartbeat({}, ())  # so that the farm as a whole is not silent
-            if farm.jobs.get(job.id).state.ended:
-                return number
+        held = worker.lease(VARIANTS, None, in_turn=False)
+        if held is None:
+            assert farm.jobs.get(job.id).state.ended
+            return number
         if previous is not None:
             previous.heartbeat({"variants": VARIANTS}, ())
+        farm.runs_out(held)
         previous = worker
     return most
 
 
-def test_a_worker_that_is_heard_of_again_has_not_died(farm: Farm) -> None:
+def test_a_worker_that_is_heard_of_again_has_not_died(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     assert lost_one_after_the_other(farm, job, 6) == 6
     assert farm.jobs.get(job.id).state is JobState.RENDERING
 
 
-def test_a_slice_is_not_forgiven_for_ever(farm: Farm) -> None:
+def test_a_slice_is_not_forgiven_for_ever(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     assert lost_one_after_the_other(farm, job, 20) == 13
     assert "worker cut off 12 was lost" in farm.jobs.get(job.id).reason
 
 
-def test_overlapping_seeds_are_refused(farm: Farm) -> None:
+def test_overlapping_seeds_are_refused(farm: LedgerFarm) -> None:
     farm.job()
     worker = farm.worker("w")
     first, second = lease(worker), lease(worker)
@@ -278,7 +224,7 @@ def test_overlapping_seeds_are_refused(farm: Farm) -> None:
     assert commit(worker, second, first_seed=13) is Committed.COMMITTED
 
 
-def test_cancelling_withdraws_everything_at_once(farm: Farm) -> None:
+def test_cancelling_withdraws_everything_at_once(farm: LedgerFarm) -> None:
     job, owned = farm.job()
     worker = farm.worker("w")
     held = lease(worker)
@@ -292,43 +238,7 @@ def test_cancelling_withdraws_everything_at_once(farm: Farm) -> None:
     assert not farm.client.exists(keys.job(job.id, "slices"))
 
 
-def test_the_higher_priority_goes_first(farm: Farm) -> None:
-    farm.job(priority=0)
-    urgent, _ = farm.job(priority=5)
-    worker = farm.worker("w")
-    assert [lease(worker).job_id for _ in range(4)] == [urgent.id] * 4
-    assert lease(worker).job_id != urgent.id
-
-
-def test_equal_jobs_share_the_workers(farm: Farm) -> None:
-    one, _ = farm.job()
-    two, _ = farm.job()
-    given = [lease(farm.worker(name)).job_id for name in "abcd"]
-    assert given == [one.id, two.id, one.id, two.id]
-
-
-def test_a_worker_keeps_to_its_scene_while_its_turn_lasts(farm: Farm) -> None:
-    one, _ = farm.job()
-    two, _ = farm.job()
-    worker = farm.worker("w")
-    assert lease(worker).job_id == one.id
-    assert lease(worker, one.id, in_turn=True).job_id == one.id
-    assert lease(worker, one.id, in_turn=False).job_id == two.id
-
-
-def test_a_job_stays_with_its_variant(farm: Farm) -> None:
-    farm.job(variant="scalar_rgb")
-    fast, slow = farm.worker("fast"), farm.worker("slow")
-    assert fast.lease(("llvm_ad_rgb",), None, in_turn=False) is None
-    found = slow.lease(("scalar_rgb",), None, in_turn=False)
-    assert found is not None
-    assert found.variant == "scalar_rgb"
-    pinned, _ = farm.job()
-    assert lease(fast).job_id == pinned.id or lease(fast).job_id == pinned.id
-    assert farm.jobs.get(pinned.id).variant == "llvm_ad_rgb"
-
-
-def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
+def test_a_monitor_that_lost_its_job_can_write_nothing(farm: LedgerFarm) -> None:
     # Given a monitor whose ownership has run out, and another that took over
     job, old = farm.job()
     farm.client.delete(keys.job(job.id, "owner"))
@@ -351,7 +261,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
     assert farm.jobs.get(job.id).points == 0
 
 
-def test_a_job_that_redis_has_lost_is_given_to_nobody(farm: Farm) -> None:
+def test_a_job_that_redis_has_lost_is_given_to_nobody(farm: LedgerFarm) -> None:
     lost, owned = farm.job(priority=1)
     other, _ = farm.job()
     assert lease(farm.worker("w")).job_id == lost.id
@@ -365,14 +275,14 @@ def test_a_job_that_redis_has_lost_is_given_to_nobody(farm: Farm) -> None:
     assert farm.worker("w").lease(VARIANTS, None, in_turn=False) is None
 
 
-def test_a_job_whose_state_is_there_is_not_lost(farm: Farm) -> None:
+def test_a_job_whose_state_is_there_is_not_lost(farm: LedgerFarm) -> None:
     job, owned = farm.job()
     farm.owners.abandon(owned)
     assert farm.owners.unfinished() == {job.id}
     assert lease(farm.worker("w")).job_id == job.id
 
 
-def test_a_point_of_the_curve_is_there_once(farm: Farm) -> None:
+def test_a_point_of_the_curve_is_there_once(farm: LedgerFarm) -> None:
     job, owned = farm.job()
     point = {
         "visible_pixels": 3,
@@ -389,7 +299,7 @@ def test_a_point_of_the_curve_is_there_once(farm: Farm) -> None:
     assert farm.jobs.get(job.id).spp == 200
 
 
-def test_the_ledger_is_read_as_a_prefix(farm: Farm) -> None:
+def test_the_ledger_is_read_as_a_prefix(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=4)
     worker = farm.worker("w")
     held = [lease(worker) for _ in range(4)]
@@ -397,3 +307,13 @@ def test_the_ledger_is_read_as_a_prefix(farm: Farm) -> None:
         commit(worker, held[index])
     assert [record.index for record in farm.owners.committed(job.id, range(4))] == [0, 1]
     assert [record.index for record in farm.owners.committed(job.id, range(3, 8))] == [3]
+
+
+def test_a_key_gets_no_more_by_sending_more_jobs(farm: LedgerFarm) -> None:
+    crowd = [farm.job(owner="many")[0] for _ in range(5)]
+    single, _ = farm.job(slices=8, owner="one")
+    given = [lease(farm.worker(f"w-{number}")).job_id for number in range(8)]
+    # Without shares for keys, the single job would be given every sixth slice
+    assert given.count(single.id) == 4
+    # Within the crowd's share its jobs take turns, the oldest first
+    assert [job for job in given if job != single.id] == [job.id for job in crowd[:4]]

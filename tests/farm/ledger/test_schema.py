@@ -9,19 +9,13 @@ import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.schema import await_checks, check_schema
-from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Incompatible, StoreUnavailable
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys, scripts
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.farm.ledger.test_workers import about
 from tests.support.redis.redis_commands import named
 
 
@@ -60,35 +54,6 @@ def test_another_version_is_refused_and_left_alone(
         check_schema(client)
     assert client.get(keys.SCHEMA) == found
     assert client.keys("*") == [keys.SCHEMA]
-
-
-def test_a_process_that_runs_on_as_the_data_changes_can_do_nothing(client: redis.Redis) -> None:
-    # Given a farm at work
-    check_schema(client)
-    jobs, owners = Jobs(client), Ownerships(client, 60)
-    owned = owners.acquire(jobs.create(JobSpec(), name="job", scene_sha256="00").job.id)
-    assert owned is not None
-    owners.plan(owned, range(9))
-    slices = SliceQueue(client, "worker", 60)
-    lease = slices.lease(("scalar_rgb",), None, in_turn=False)
-    assert lease is not None
-    # If Redis has the data of another Plateau
-    client.set(keys.SCHEMA, versions.LAYOUT + 1)
-    before = {key: client.dump(key) for key in client.keys("*")}
-    # Then all that it could do is refused, in words
-    for act in (
-        lambda: slices.lease(("scalar_rgb",), None, in_turn=False),
-        lambda: slices.heartbeat(about("worker"), (lease,)),
-        lambda: slices.hand_back(lease),
-        slices.leave,
-        lambda: jobs.create(JobSpec(), name="new", scene_sha256="00"),
-        lambda: jobs.cancel(lease.job_id),
-        lambda: MonitorWork(client, "monitor", 60).heartbeat(0),
-    ):
-        with pytest.raises(Incompatible, match="install the Plateau that wrote it"):
-            act()
-    # And nothing is changed
-    assert {key: client.dump(key) for key in client.keys("*")} == before
 
 
 def test_every_command_looks_first(client: redis.Redis) -> None:

@@ -1,41 +1,31 @@
 """The log of a job says how each try of a slice ended, and never another thing than the ledger."""
 
-import time
-
 import pytest
 import redis
 
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
-from tests.farm.ledger.test_queue import LEASE_S, VARIANTS, Farm, commit, lease
+from tests.support.farms.ledger_farm import LedgerFarm, commit, lease
 
 
 @pytest.fixture
-def farm(client: redis.Redis) -> Farm:
-    return Farm(client)
+def farm(client: redis.Redis) -> LedgerFarm:
+    return LedgerFarm(client)
 
 
 def said(worker: SliceQueue, held: Lease, words: str) -> Committed:
     """Commit a slice during which the render child printed something."""
-    record = SliceRecord(
-        index=held.index,
-        spp=25,
-        first_seed=10 * held.index,
-        last_seed=10 * held.index + 2,
-        blob=f"words-{held.index}",
-        sha256="00",
-        worker="w",
-        render_s=2.5,
-    )
-    return worker.commit(held, record, width=8, height=4, notes=(), said=words)
+    return commit(worker, held, said=words, blob=f"words-{held.index}", render_s=2.5)
 
 
-def told(farm: Farm, job: Job) -> list[tuple[int, str, str, str | None, str]]:
+def told(farm: LedgerFarm, job: Job) -> list[tuple[int, str, str, str | None, str]]:
     return [(one.slice, one.what, one.worker, one.cause, one.text) for one in farm.jobs.log(job.id)]
 
 
-def test_a_silent_slice_costs_its_line_in_the_ledger_alone(farm: Farm, client: redis.Redis) -> None:
+def test_a_silent_slice_costs_its_line_in_the_ledger_alone(
+    farm: LedgerFarm, client: redis.Redis
+) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     commit(worker, lease(worker))
@@ -45,7 +35,7 @@ def test_a_silent_slice_costs_its_line_in_the_ledger_alone(farm: Farm, client: r
     assert (entry.cause, entry.text) == (None, "")
 
 
-def test_a_slice_with_words_has_them_once(farm: Farm) -> None:
+def test_a_slice_with_words_has_them_once(farm: LedgerFarm) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     held = lease(worker)
@@ -56,7 +46,7 @@ def test_a_slice_with_words_has_them_once(farm: Farm) -> None:
     assert farm.jobs.log(job.id)[0].seconds == 2.5
 
 
-def test_each_way_in_which_a_try_ends_is_told_in_its_order(farm: Farm) -> None:
+def test_each_way_in_which_a_try_ends_is_told_in_its_order(farm: LedgerFarm) -> None:
     job, owned = farm.job(slices=1)
     worker, other = farm.worker("w"), farm.worker("other")
     worker.hand_back(lease(worker), 1.0, cause="the worker stops")
@@ -78,7 +68,7 @@ def test_each_way_in_which_a_try_ends_is_told_in_its_order(farm: Farm) -> None:
     assert [one.seconds for one in farm.jobs.log(job.id)] == [1.0, 0.0, 0.25, 2.5, None, 1.5]
 
 
-def test_the_try_that_fails_a_job_is_the_last_that_is_told(farm: Farm) -> None:
+def test_the_try_that_fails_a_job_is_the_last_that_is_told(farm: LedgerFarm) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     held, late = lease(worker), lease(worker)
@@ -91,15 +81,12 @@ def test_the_try_that_fails_a_job_is_the_last_that_is_told(farm: Farm) -> None:
     assert told(farm, job) == [(0, "failed", "w", "no such plugin", "a warning")]
 
 
-def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: Farm) -> None:
+def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     lost, other = farm.worker("lost"), farm.worker("other")
     late = lease(lost)
-    taken = None
-    while taken is None:
-        other.heartbeat({}, ())  # so that the farm as a whole is not silent
-        taken = other.lease(VARIANTS, None, in_turn=False)
-        time.sleep(LEASE_S / 10)
+    farm.runs_out(late)
+    taken = lease(other)
     commit(other, taken)
     # And its late commit, which does not count
     assert commit(lost, late, blob="late") is Committed.DUPLICATE
@@ -110,7 +97,7 @@ def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: Farm) -> None:
     ]
 
 
-def test_one_slice_has_its_entries(farm: Farm) -> None:
+def test_one_slice_has_its_entries(farm: LedgerFarm) -> None:
     job, _ = farm.job()
     worker = farm.worker("w")
     for _ in range(3):
@@ -119,7 +106,7 @@ def test_one_slice_has_its_entries(farm: Farm) -> None:
     assert farm.jobs.log(job.id, 3) == []
 
 
-def test_what_is_kept_is_bounded(farm: Farm, client: redis.Redis) -> None:
+def test_what_is_kept_is_bounded(farm: LedgerFarm, client: redis.Redis) -> None:
     job, _ = farm.job(slices=1)
     worker = farm.worker("w")
     # Given a child that prints without end, in letters of several bytes

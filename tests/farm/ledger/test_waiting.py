@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.fit import WorkerClass
 from plateau.farm.model.spec import JobSpec
@@ -25,6 +25,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts, library
 from plateau.farm.redis.wake import Wake
+from tests.support.farms.ledger_farm import record_of
 from tests.support.long_tests import WANTED
 from tests.support.until import until
 
@@ -215,15 +216,8 @@ class History:
         if not self.leases:
             return
         worker, held = self.leases[a % len(self.leases)]
-        record = SliceRecord(
-            index=held.index,
-            spp=held.spec.slice_spp,
-            first_seed=10 * held.index,
-            last_seed=10 * held.index + 2,
-            blob=f"{held.index}-{worker}-{held.tries}",
-            sha256="00",
-            worker=worker,
-            render_s=1.0,
+        record = record_of(
+            held, blob=f"{held.index}-{worker}-{held.tries}", worker=worker, render_s=1.0
         )
         self.queues[worker].commit(held, record, width=8, height=4, notes=())
         if b % 3:
@@ -414,7 +408,7 @@ HISTORIES = st.lists(
 
 
 @settings(
-    max_examples=2000 if WANTED else 60,
+    max_examples=2000 if WANTED else 40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

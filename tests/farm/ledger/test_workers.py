@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.ledger.queue import Committed, SliceQueue
+from plateau.farm.ledger.queue import Committed
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import WorkerNotFound
 from tests.support.farms.noise_farm import NoiseFarm
@@ -57,14 +57,6 @@ def test_a_drained_worker_finishes_what_it_has_and_takes_no_more(
         workers.resume("noise")
         assert [one.drained for one in Workers(farm.client).living()] == [False]
         farm.render(1)
-
-
-def test_others_go_on(farm: NoiseFarm, client: redis.Redis) -> None:
-    SliceQueue(client, "other", 60).heartbeat(about("other"), ())
-    Workers(client).drain("other")
-    farm.submit()
-    with farm.monitor():
-        farm.render(2)
 
 
 @pytest.mark.parametrize("steer", [Workers.drain, Workers.resume])

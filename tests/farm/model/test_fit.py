@@ -4,8 +4,6 @@ import pytest
 import redis
 from pydantic import ValidationError
 
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.ledger.workers import Workers
@@ -18,26 +16,20 @@ from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
 from tests.farm.ledger.test_workers import about as described
+from tests.support.farms.ledger_farm import LedgerFarm
 
 LLVM = ("llvm_ad_rgb", "scalar_rgb")
 
 
-class Farm:
-    """One Redis, and workers of any pool and tags."""
+class Farm(LedgerFarm):
+    """Workers of any pool and tags."""
 
     def __init__(self, client: redis.Redis) -> None:
-        self.client = client
-        self.jobs = Jobs(client)
+        super().__init__(client)
         self.workers = Workers(client)
 
-    def job(self, owner: str = "", **spec: object) -> Job:
-        made = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00", owner=owner)
-        job = made.job
-        owners = Ownerships(self.client, lease_s=60)
-        owned = owners.acquire(job.id)
-        assert owned is not None
-        owners.plan(owned, range(4))
-        return job
+    def made(self, **spec: object) -> Job:
+        return self.job(**spec)[0]
 
     def queue(self, name: str, *tags: str, pool: str = "default") -> SliceQueue:
         return SliceQueue(self.client, name, 60, pool=pool, tags=tags)
@@ -77,31 +69,6 @@ def farm(client: redis.Redis) -> Farm:
 class TestALease:
     """A worker is given the jobs of its pool that require no tag which it has not."""
 
-    def test_of_its_pool(self, farm: Farm) -> None:
-        ours, theirs = farm.job(), farm.job(pool="night")
-        assert farm.given(pool="night") == theirs.id
-        assert farm.given() == ours.id
-        assert farm.given(pool="day") == ""
-
-    def test_with_its_tags(self, farm: Farm) -> None:
-        job = farm.job(requires=("highmem", "gpu"))
-        assert farm.given() == farm.given("gpu") == farm.given("gpus", "highmem") == ""
-        assert farm.given("highmem", "fast", "gpu") == job.id
-        # One with tags renders what needs none, too
-        farm.jobs.cancel(job.id)
-        job = farm.job()
-        assert farm.given("gpu") == job.id
-
-    def test_in_the_order_of_priority_among_those_that_fit(self, farm: Farm) -> None:
-        farm.job(pool="night", priority=9)
-        fits = farm.job(requires=("gpu",), priority=5)
-        farm.job()
-        assert farm.given("gpu") == fits.id
-
-    def test_and_its_loaded_scene_only_while_it_fits(self, farm: Farm) -> None:
-        job = farm.job(pool="night")
-        assert farm.queue("w").lease(LLVM, job.id, in_turn=True) is None
-
     def test_only_a_worker_that_fits_is_woken(self, farm: Farm) -> None:
         stop = Stop()
         wakes = {}
@@ -109,7 +76,7 @@ class TestALease:
             wakes[name] = Wake(farm.client, keys.wake_worker(name))
             wakes[name].wait(0.0, stop)
             assert farm.queue(name, *tags).lease(LLVM, None, in_turn=False) is None
-        farm.job(requires=("gpu",))
+        farm.made(requires=("gpu",))
         assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"gpu"}
 
 
@@ -123,7 +90,7 @@ class TestLeftOut:
 
         for name in ("west", "east"):
             farm.lives(name)
-        first, second = farm.job(priority=5), farm.job()
+        first, second = farm.made(priority=5), farm.made()
         farm.dies("west", first)
         # Also where it has loaded the job's scene
         assert given("west") == given("west", first.id) == second.id
@@ -131,27 +98,11 @@ class TestLeftOut:
         farm.relents("west")
         assert given("west") == first.id
 
-    def test_it_gets_those_behind_it_in_the_same_queue(self, farm: Farm) -> None:
-        def given_without(*jobs: Job) -> str:
-            left_out = " ".join(f"{job.id} 9000000000000" for job in jobs)
-            farm.client.hset(keys.worker("w"), "left_out", left_out)
-            return farm.given()
-
-        first, second = (farm.job(batch="walk", variant="scalar_rgb") for _ in range(2))
-        alone = farm.job(variant="scalar_rgb")
-        others = farm.job(variant="scalar_rgb", owner="0123456789ab")
-        # One of the same batch, one without a batch, and one of another key
-        assert given_without(first, others) == second.id
-        assert given_without(first, alone, others) == second.id
-        assert given_without(first, second, others) == alone.id
-        assert given_without(first, second, alone) == others.id
-        assert given_without(first, second, alone, others) == ""
-
     def test_it_is_not_woken_and_others_are(self, farm: Farm) -> None:
         stop, wakes = Stop(), {}
         for name in ("one", "two"):
             farm.lives(name)
-        job = farm.job()
+        job = farm.made()
         farm.dies("one", job)
         farm.jobs.pause(job.id)
         for name in ("one", "two"):
@@ -161,13 +112,13 @@ class TestLeftOut:
         farm.jobs.resume(job.id)
         assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"two"}
         # It is still idle, and woken for another job
-        farm.job()
+        farm.made()
         assert wakes["one"].wait(0.05, stop)
 
     @pytest.mark.parametrize("other", ["nobody", "drained", "in trouble", "unfit", "left out"])
     def test_not_where_no_other_can_render_the_job(self, farm: Farm, other: str) -> None:
         farm.lives("one", "gpu")
-        job = farm.job(requires=("gpu",))
+        job = farm.made(requires=("gpu",))
         if other != "nobody":
             tags = () if other == "unfit" else ("gpu",)
             farm.lives("two", *tags, trouble="no disk" if other == "in trouble" else None)
@@ -181,7 +132,7 @@ class TestLeftOut:
         assert farm.queue("one", "gpu").lease(LLVM, None, in_turn=False) is not None
 
     def test_a_job_of_which_all_workers_are_left_out_says_so(self, farm: Farm) -> None:
-        job = farm.job(requires=("gpu",))
+        job = farm.made(requires=("gpu",))
         farm.lives("west", "gpu")
         lease = farm.queue("west", "gpu").lease(LLVM, None, in_turn=False)
         farm.queue("west").hand_back(lease, cause="its files differ", leaves_out=True)
@@ -203,7 +154,7 @@ class TestWords:
     """A job for which no worker lives says what it waits for."""
 
     def test_a_tag(self, farm: Farm) -> None:
-        job = farm.job(requires=("gpu", "highmem"))
+        job = farm.made(requires=("gpu", "highmem"))
         farm.lives("plain", "gpu")
         assert farm.words(job) == (
             "waits for a worker with tags gpu, highmem: there is none that takes work"
@@ -214,7 +165,7 @@ class TestWords:
         assert take_census(farm.client).unserved == ()
 
     def test_a_variant_and_a_pool(self, farm: Farm) -> None:
-        job = farm.job(variant="cuda_ad_rgb", pool="night")
+        job = farm.made(variant="cuda_ad_rgb", pool="night")
         farm.lives("plain")
         assert farm.words(job) == (
             "waits for a worker that renders cuda_ad_rgb in pool night: there is none that takes "
@@ -222,17 +173,17 @@ class TestWords:
         )
 
     def test_any_at_all(self, farm: Farm) -> None:
-        assert farm.words(farm.job()) == "waits for a worker: there is none that takes work"
+        assert farm.words(farm.made()) == "waits for a worker: there is none that takes work"
 
     def test_not_where_it_is_not_to_be_rendered(self, farm: Farm) -> None:
-        job = farm.job()
+        job = farm.made()
         farm.jobs.cancel(job.id)
         assert farm.words(job) is None
         assert take_census(farm.client).unserved == ()
 
     @pytest.mark.parametrize("trouble", ["the disk is full", None])
     def test_who_takes_no_work_does_not_count(self, farm: Farm, trouble: str | None) -> None:
-        job = farm.job()
+        job = farm.made()
         farm.lives("w", trouble=trouble)
         if trouble is None:
             Workers(farm.client).drain("w")
@@ -267,16 +218,16 @@ class TestNames:
 
 
 def test_open_jobs_need_a_limited_number_of_different_things(farm: Farm) -> None:
-    first = farm.job(pool="p0")
+    first = farm.made(pool="p0")
     for number in range(1, keys.MOST_NEEDS):
-        farm.job(pool=f"p{number}")
+        farm.made(pool=f"p{number}")
     with pytest.raises(TooManyNeeds, match="64 different"):
-        farm.job(requires=("gpu",))
+        farm.made(requires=("gpu",))
     # Another of a need that there is, is taken; and a new one when one has gone with its jobs
-    again = farm.job(pool="p0")
+    again = farm.made(pool="p0")
     farm.jobs.cancel(first.id)
     with pytest.raises(TooManyNeeds):
-        farm.job(requires=("gpu",))
+        farm.made(requires=("gpu",))
     farm.jobs.cancel(again.id)
-    job = farm.job(requires=("gpu",))
+    job = farm.made(requires=("gpu",))
     assert farm.given("gpu") == job.id

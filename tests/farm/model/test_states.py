@@ -12,19 +12,10 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.errors import IllegalTransition
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JOB_MOVES, SLICE_MOVES, EndedBy, JobState, SliceState
+from plateau.farm.model.states import JOB_MOVES, EndedBy, JobState
 from plateau.farm.redis import keys
 
 ENDS = [state for state in JobState if state.ended]
-
-
-def test_the_ends_are_those_of_the_design() -> None:
-    assert set(ENDS) == {
-        JobState.CONVERGED,
-        JobState.EXHAUSTED,
-        JobState.CANCELLED,
-        JobState.FAILED,
-    }
 
 
 @pytest.mark.parametrize(("start", "target"), list(itertools.product(JobState, ENDS)))
@@ -47,22 +38,6 @@ def test_a_job_ends_only_along_the_table(
         with pytest.raises(IllegalTransition, match=f"is {start.value} and cannot become"):
             owners.end(owned, target, "farm", "because")
         assert jobs.get(job.id).state is start
-
-
-def test_every_slice_that_moved_once_can_come_to_an_end() -> None:
-    final = {state for state, moves in SLICE_MOVES.items() if not moves}
-    assert final == {SliceState.COMMITTED, SliceState.WITHDRAWN, SliceState.POISONED}
-    assert SliceState.PLANNED in SLICE_MOVES[SliceState.LEASED]
-
-
-def test_a_refused_move_tells_the_jobs_story(client: redis.Redis) -> None:
-    jobs, owners = Jobs(client), Ownerships(client, lease_s=15)
-    job = jobs.create(JobSpec(), name="box", scene_sha256="00").job
-    owned = owners.acquire(job.id)
-    assert owned is not None
-    owners.end(owned, JobState.FAILED, "farm", "no such plugin")
-    with pytest.raises(IllegalTransition, match=r"(?s)queued: created.*failed: no such plugin"):
-        jobs.cancel(job.id)
 
 
 @pytest.mark.parametrize(

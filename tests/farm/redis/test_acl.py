@@ -1,7 +1,6 @@
 """Each kind of process has a user in Redis that can do its work, and nothing beside it."""
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable
 from plateau.farm.model.place_names import DEFAULT_POOL
@@ -28,12 +27,12 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts, commands
 from plateau.farm.redis.wake import Wake
+from tests.support.farms import ledger_farm
+from tests.support.farms.ledger_farm import VARIANTS, lease, runs_out
 from tests.support.farms.receiver import SECRET
 from tests.support.redis.redis_commands import named
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
-from tests.support.until import until
 
-VARIANTS = ("scalar_rgb",)
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
 NOTICE = {"url": "https://studio.example/hook", "secret": SECRET}
 
@@ -45,24 +44,8 @@ def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
         yield login
 
 
-def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
-    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
-    assert found is not None
-    return found
-
-
 def commit(worker: SliceQueue, held: Lease, blob: str = "") -> Committed:
-    record = SliceRecord(
-        index=held.index,
-        spp=25,
-        first_seed=10 * held.index,
-        last_seed=10 * held.index + 2,
-        blob=blob or f"partial-{held.index}",
-        sha256="00",
-        worker="w",
-        render_s=1.5,
-    )
-    return worker.commit(held, record, width=8, height=4, notes=("a note",), said="words")
+    return ledger_farm.commit(worker, held, said="words", blob=blob or f"partial-{held.index}")
 
 
 def about(name: str) -> dict[str, object]:
@@ -102,9 +85,8 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     # And gives some back, lets one run out, and finds one that it has tried already
     worker.hand_back(lease(worker, first, in_turn=True), 0.1, cause="it stops", said="words")
     lost = lease(worker)
-    time.sleep(LEASE_S + 0.2)
-    other.heartbeat(about("v"), ())
-    taken = _later(lambda: other.lease(VARIANTS, None, in_turn=False))
+    runs_out(client, lost)
+    taken = lease(other)
     assert taken.index == lost.index
     assert commit(worker, lost) is Committed.COMMITTED
     assert worker.ended(first) is False
@@ -120,11 +102,6 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     # Then nothing was refused
     assert client.acl_log() == []
     assert client.scard(f"plateau:key:{key.id}:open") == 1
-
-
-def _later(look: Callable[[], Lease | None]) -> Lease:
-    """What is found once a lease that ran out is noticed: a silent farm gets some grace."""
-    return until(look, 30, every_s=0.1)
 
 
 def never() -> Stop:

@@ -9,7 +9,7 @@ import pytest
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import embedded
-from plateau.farm.redis.embedded import EmbeddedRedis, find_redis_server
+from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.until import until
 
@@ -91,9 +91,3 @@ def test_it_dies_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     parent.kill()
     parent.communicate()
     server.wait(60)
-
-
-def test_a_server_binary_is_found() -> None:
-    binary = find_redis_server()
-    assert binary is not None
-    assert "Redis server" in subprocess.check_output([binary, "--version"], text=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 import redis
@@ -30,10 +29,10 @@ NO_MORE = ["9007199254740992", "-9007199254740992", "1e300", "-1e300", "inf", "-
 LONG = "a" * 2_000_000
 
 
-@pytest.fixture
-def embedded_redis(tmp_path: Path) -> Iterator[EmbeddedRedis]:
-    """A server of its own: it may hang."""
-    server = EmbeddedRedis(tmp_path / "redis")
+@pytest.fixture(scope="module")
+def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:
+    """A server of their own: it may hang."""
+    server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))
     yield server
     server.process.kill()
     server.stop()

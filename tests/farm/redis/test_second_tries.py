@@ -1,48 +1,29 @@
 """A slice that is late and holds up its job's image is given to a second worker: one try counts."""
 
-from dataclasses import dataclass, field
-
 import pytest
 import redis
 
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.ownership import Ownership
+from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
+from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit
 
-LEASE_S = 60.0
-VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 USUAL_MS = 2000  # a slice that takes so long is no slower than the others
 
 
-@dataclass
-class Farm:
+class Farm(LedgerFarm):
     """Workers, and a clock that is turned back rather than waited for."""
 
-    client: redis.Redis
-    held: dict[str, Lease] = field(default_factory=dict)  #: by worker: what it was last given
-
-    def __post_init__(self) -> None:
-        self.jobs = Jobs(self.client)
-        self.owners = Ownerships(self.client, lease_s=60)
-
-    def job(self, slices: int = 8, **spec: object) -> tuple[Job, Ownership]:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
-        self.owners.plan(owned, range(slices))
-        return job, owned
-
-    def queue(self, worker: str) -> SliceQueue:
-        return SliceQueue(self.client, worker, LEASE_S)
+    def __init__(self, client: redis.Redis) -> None:
+        super().__init__(client)
+        self.held: dict[str, Lease] = {}  #: by worker: what it was last given
 
     def lease(self, worker: str) -> Lease | None:
-        queue = self.queue(worker)
+        queue = self.worker(worker)
         found = queue.lease(VARIANTS, None, in_turn=False)
         if found is not None:
             self.held[worker] = found
@@ -55,17 +36,8 @@ class Farm:
 
     def commit(self, worker: str, held: Lease | None = None) -> Committed:
         held = held or self.held[worker]
-        record = SliceRecord(
-            index=held.index,
-            spp=25,
-            first_seed=10 * held.index,
-            last_seed=10 * held.index + 2,
-            blob=f"{held.index}-{worker}-{held.tries}",
-            sha256="00",
-            worker=worker,
-            render_s=1.5,
-        )
-        return self.queue(worker).commit(held, record, width=8, height=4, notes=())
+        blob = f"{held.index}-{worker}-{held.tries}"
+        return commit(self.worker(worker), held, worker=worker, blob=blob)
 
     def passes(self, ms: float) -> None:
         """All that is leased has been so for longer by this."""
@@ -117,10 +89,10 @@ def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
     assert farm.commit("quick") is Committed.COMMITTED
     # The slow worker hears of its own slice at once, and by its next heartbeat at the latest
     assert news.wait(5.0, Stop()) == {f"ended {job.id} {slow.entry}"}
-    assert farm.queue("slow").heartbeat({}, (slow,)) == (slow,)
+    assert farm.worker("slow").heartbeat({}, (slow,)) == (slow,)
     # What it spent is counted once, as waste, however often it says so
     for _ in range(2):
-        farm.queue("slow").hand_back(slow, 4.0, cause="it was cancelled")
+        farm.worker("slow").hand_back(slow, 4.0, cause="it was cancelled")
     after = farm.jobs.get(job.id)
     assert (after.second_tries, after.wasted_s, after.machine_s) == (1, 4.0, 1.5 + 1.5 + 4.0)
     assert [(one.what, one.worker) for one in farm.jobs.log(job.id)] == [
@@ -140,7 +112,7 @@ def test_one_that_died_of_being_stopped_did_not_die_of_the_slice(farm: Farm) -> 
     farm.passes(10_000)
     assert farm.index("quick") == 0
     farm.commit("quick")
-    assert farm.queue("slow").died(farm.held["slow"], "it did not answer", 4.0) == "lost"
+    assert farm.worker("slow").died(farm.held["slow"], "it did not answer", 4.0) == "lost"
     assert farm.jobs.get(job.id).wasted_s == 4.0
     assert [one.what for one in farm.jobs.log(job.id)] == ["committed", "committed", "duplicate"]
 
@@ -160,7 +132,7 @@ def test_where_the_late_one_is_first_after_all_the_second_try_is_waste(farm: Far
 
 def test_who_has_nothing_else_to_do_is_given_it_too(farm: Farm) -> None:
     farm.slow_and_quick(slices=2)
-    queue = farm.queue("quick")
+    queue = farm.worker("quick")
     assert queue.lease(VARIANTS, None, in_turn=False) is None
     # It knows when to ask again, though nobody will wake it
     assert 1.0 < queue.look_again_s <= 2 * USUAL_MS / 1000
@@ -206,26 +178,6 @@ def test_who_is_known_to_be_slow_is_helped_at_once(farm: Farm) -> None:
     assert farm.index("third") == 5
 
 
-def test_never_twice_to_the_same_worker(farm: Farm) -> None:
-    farm.slow_and_quick(slices=2)
-    farm.passes(60_000)
-    assert farm.index("slow") is None
-
-
-def test_only_the_slice_that_the_image_waits_for(farm: Farm) -> None:
-    farm.job(slices=3)
-    assert [farm.index(name) for name in ("one", "two", "three")] == [0, 1, 2]
-    farm.passes(USUAL_MS)
-    farm.commit("one")
-    farm.passes(60_000)
-    # Both others are late, and the image waits for slice 1
-    assert farm.index("one") == 1
-    assert farm.index("one") is None
-    farm.commit("one")
-    # Then for slice 2
-    assert farm.index("one") == 2
-
-
 def test_not_while_it_is_paused_or_after_its_end(farm: Farm) -> None:
     job, _ = farm.slow_and_quick(slices=2)
     farm.passes(60_000)
@@ -239,43 +191,15 @@ def test_not_while_it_is_paused_or_after_its_end(farm: Farm) -> None:
         assert farm.client.exists(keys.job(job.id, part)) == 0
 
 
-def test_a_lost_slice_is_given_first(farm: Farm) -> None:
-    job, _ = farm.slow_and_quick(slices=4)
-    farm.passes(60_000)
-    farm.queue("slow").hand_back(farm.held["slow"])
-    assert farm.index("quick") == 0
-    assert farm.jobs.get(job.id).second_tries == 0
-
-
 def test_a_second_try_that_is_given_back_goes_to_the_next(farm: Farm) -> None:
     farm.slow_and_quick(slices=2)
     farm.passes(60_000)
     assert farm.index("quick") == 0
-    farm.queue("quick").hand_back(farm.held["quick"])
+    farm.worker("quick").hand_back(farm.held["quick"])
     assert farm.index("another") == 0
     assert farm.index("third") is None
     assert farm.commit("another") is Committed.COMMITTED
     assert farm.commit("slow") is Committed.DUPLICATE
-
-
-def test_other_variants_cannot_help(farm: Farm) -> None:
-    farm.slow_and_quick(slices=2)
-    farm.passes(60_000)
-    assert farm.queue("gpu").lease(("cuda_ad_rgb",), None, in_turn=False) is None
-
-
-def test_a_rejected_slice_holds_up_the_image_again(farm: Farm) -> None:
-    job, owned = farm.slow_and_quick(slices=3)
-    farm.commit("slow")
-    assert farm.index("slow") == 2
-    (record, _) = farm.owners.committed(job.id, range(2))
-    assert farm.owners.reject(owned, record, "spoiled") == 1
-    # It waits for a worker by itself, so nothing is tried twice before it
-    farm.passes(60_000)
-    assert farm.index("quick") == 0
-    farm.passes(60_000)
-    assert farm.index("another") == 0
-    assert farm.commit("another") is Committed.COMMITTED
 
 
 def test_an_index_that_says_what_is_not_so_is_made_afresh(farm: Farm) -> None:

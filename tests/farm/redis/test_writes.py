@@ -7,12 +7,7 @@ import pytest
 import redis
 
 from plateau.farm.ledger.totals import note_sweep, take_census
-from plateau.farm.model import versions
-from plateau.farm.model.errors import Incompatible
-from plateau.farm.redis import keys
-from tests.farm.redis.test_lost_answers import state
 from tests.support.redis import redis_writes
-from tests.support.redis.lost_answers import CASES, World
 from tests.support.redis.redis_writes import READS, ROOT, RUNS_SCRIPTS
 
 #: Functions that open a link to Redis.
@@ -22,18 +17,6 @@ OTHER_NAMES = {
     *("delete", "execute_command", "eval", "evalsha", "eval_ro", "evalsha_ro", "fcall"),
     *("register_script", "script_load", "function_load", "lock", "transaction"),
 }
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_write_to_another_layout_is_refused(client: redis.Redis, name: str) -> None:
-    write = CASES[name].prepare(World(client, client))
-    # If Redis has the data of another Plateau meanwhile
-    client.set(keys.SCHEMA, versions.LAYOUT + 1)
-    before = state(client)
-    with pytest.raises(Incompatible, match=f"has layout {versions.LAYOUT + 1}"):
-        write()
-    # Then nothing is changed
-    assert state(client) == before
 
 
 def test_what_all_modules_may_send_writes_nothing(client: redis.Redis) -> None:

@@ -104,14 +104,6 @@ RULES = [
 
 
 @pytest.mark.parametrize("make", RULES)
-def test_a_rule_stores_what_it_says_and_no_more(make):
-    rule = make()
-    for i, count in enumerate(CURVE):
-        told(rule, [count], start=i)
-        assert len(rule.memory().images) == rule.stored_images(i + 1)
-
-
-@pytest.mark.parametrize("make", RULES)
 @pytest.mark.parametrize("restart_at", [0, 1, 4, 9])
 def test_after_a_restart_the_verdicts_are_the_same(make, restart_at):
     expected = told(make(), CURVE)

@@ -15,10 +15,8 @@ import plateau.client.errors
 import plateau.errors
 from plateau import ApiError, AsyncClient, BadId, Client, ClientError, TimedOut, Unreachable
 from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
-from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.versions import plateau as version
-from tests.farm.ledger.test_workers import about
 from tests.support.farms.staged_job import StagedJob
 
 
@@ -75,31 +73,6 @@ def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
     unknown = next(text for text in ("0000", "ffff") if not job.startswith(text))
     with pytest.raises(BadId, match=f"no job has an id that begins with {unknown}"):
         next(plateau.events(unknown))
-
-
-def test_ended_jobs_are_deleted_and_come_back(plateau: Client, client: redis.Redis) -> None:
-    job = StagedJob(client, batch="walk").id
-    with pytest.raises(ApiError, match="cancel it first"):
-        plateau.delete(job)
-    plateau.cancel(job)
-    assert plateau.delete(job[:5]).deleted_at is not None
-    assert list(plateau.all_jobs()) == []
-    assert [one.id for one in plateau.all_jobs(deleted=True, search="box")] == [job]
-    # A deleted job can still be named by the beginning of its id
-    assert plateau.restore(job[:5]).deleted_at is None
-    assert [one.id for one in plateau.jobs(search="walk").jobs] == [job]
-    for call in (plateau.delete_batch, plateau.restore_batch):
-        assert call("walk").done == 1
-    assert plateau.batch("walk").job_ids == [job]
-
-
-def test_a_worker_is_drained_and_takes_slices_again(plateau: Client, client: redis.Redis) -> None:
-    SliceQueue(client, "vm-1 a", 60).heartbeat(about("vm-1 a"), ())
-    assert plateau.drain("vm-1 a").drained
-    assert plateau.workers()[0].drained
-    assert not plateau.undrain("vm-1 a").drained
-    with pytest.raises(ApiError, match="there is no worker"):
-        plateau.drain("another")
 
 
 def test_a_job_is_rendered_again_by_part_of_its_id(plateau: Client, client: redis.Redis) -> None:

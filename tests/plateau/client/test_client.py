@@ -16,6 +16,7 @@ from plateau.service.api.process import listen
 from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import PLY, mesh, scene
+from tests.support.until import until
 
 
 @pytest.fixture
@@ -93,27 +94,6 @@ def test_a_problem_is_an_error_with_all_that_it_says(
         list(plateau.events("nope"))
 
 
-def test_a_job_is_paused_resumed_and_put_before_others(
-    plateau: Client, client: redis.Redis
-) -> None:
-    job = StagedJob(client)
-    with pytest.raises(ApiError, match="is queued; only a job that is rendering") as caught:
-        plateau.pause(job.id)
-    assert (caught.value.status, caught.value.slug) == (409, "cannot-pause")
-    job.commit()
-    for _ in range(2):
-        assert plateau.pause(job.id).state is JobState.PAUSED
-    assert plateau.set_priority(job.id, 7).spec.priority == 7
-    with pytest.raises(ApiError, match="must be at most 1,000"):
-        plateau.set_priority(job.id, 1001)
-    for _ in range(2):
-        assert plateau.resume(job.id).state is JobState.RENDERING
-    job.end()
-    with pytest.raises(ApiError) as caught:
-        plateau.set_priority(job.id, 8)
-    assert (caught.value.slug, caught.value.problem["state"]) == ("job-ended", "converged")
-
-
 def test_a_scene_that_cannot_be_packed_is_refused_here(plateau: Client, tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_bytes(scene(mesh("gone.ply")))
     with pytest.raises(BundleError, match=r"gone\.ply"):
@@ -144,8 +124,7 @@ def test_events_go_on_after_the_api_was_restarted(
     with live_api(redis_url, store, port=port):
         watcher.start()
         job.commit()
-        while not heard:
-            time.sleep(0.01)
+        until(lambda: heard)
     # If the API goes and comes back while more happens
     job.point(25, 3)
     with live_api(redis_url, store, port=port):

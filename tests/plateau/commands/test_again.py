@@ -8,14 +8,13 @@ from pathlib import Path
 import httpx
 import pytest
 import redis
-from typer.testing import CliRunner
 
-from plateau.commands import app
 from plateau.farm.model.job import Job
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
+from tests.support.processes.commands import plateau
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 400, "rule": {"name": "fixed", "spp": 40}}
 
@@ -34,11 +33,6 @@ def ended(farm: NoiseFarm, **spec: object) -> Job:
     job = farm.submit(**{**SHORT, **spec})
     with farm.monitor():
         return farm.finish(job)
-
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, arguments)
-    return done.exit_code, done.stdout, done.stderr
 
 
 def test_an_ended_job_goes_on_under_the_id_that_is_printed(farm: NoiseFarm) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,10 @@ from plateau.farm.model.states import JobState
 from plateau.files.frames import each, from_file
 from plateau.files.packing import pack
 from plateau.terminal.batch_progress import batch_progress_on
-from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau as command
 from tests.support.scenes.bundles import PLY, mesh, scene
+from tests.support.until import until
 
 
 @pytest.fixture
@@ -78,16 +78,6 @@ class TestTheClient:
         assert plateau.batches(limit=1).next_cursor is not None
         with pytest.raises(InvalidSpec):
             plateau.submit_batch(walk, [])
-
-    def test_steers_all_of_a_batch(self, plateau: Client, walk: Path) -> None:
-        name = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}]).name
-        assert plateau.pause_batch(name).done == 2
-        assert plateau.batch(name).held == 2
-        assert plateau.resume_batch(name).done == 2
-        assert {one.state for one in plateau.cancel_batch(name).jobs} == {JobState.CANCELLED}
-        with pytest.raises(ApiError, match="there is no batch 'none'") as caught:
-            plateau.cancel_batch("none")
-        assert caught.value.slug == "unknown-batch"
 
     def test_waits_until_all_results_are_written(
         self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path
@@ -303,8 +293,7 @@ class TestTheCommandLine:
         first = out / f"0000-{batch.job_ids[0]}"
 
         def end_the_other() -> None:
-            while not (first / "summary.json").exists():  # the first is fetched while others run
-                time.sleep(0.05)
+            until((first / "summary.json").exists)  # the first is fetched while others run
             end(client, store, batch.job_ids[1], JobState.EXHAUSTED)
 
         ending = threading.Thread(target=end_the_other)

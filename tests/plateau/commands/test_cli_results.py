@@ -11,10 +11,8 @@ from pathlib import Path
 
 import pytest
 import redis
-from typer.testing import CliRunner
 
 from plateau.client import BadId, Client
-from plateau.commands import app
 from plateau.commands.listing import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
@@ -25,6 +23,7 @@ from plateau.farm.wire.job_text import share_of
 from plateau.service.api.process import listen
 from tests.farm.ledger.test_workers import about
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene
 
 
@@ -41,12 +40,6 @@ def job(client: redis.Redis) -> Iterator[StagedJob]:
     job.point(100, 5)
     job.point(200, 9, slope=0.5)
     return job
-
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 class TestCurve:
@@ -256,14 +249,6 @@ class TestShortIds:
             assert json.loads(plateau("show", job_id[:8], "--json")[1])["id"] == job_id
         assert plateau("cancel", jobs[0][:8]) == (0, f"{jobs[0]} cancelled\n", "")
 
-    def test_that_no_job_has_are_said_to_be_so(self, job: StagedJob) -> None:
-        unknown = "ffff" if not job.id.startswith("ffff") else "eeee"
-        code, out, err = plateau("cancel", unknown)
-        assert (code, out) == (1, "")
-        assert err == (
-            f"plateau: no job has an id that begins with {unknown}; see `plateau list`\n"
-        )
-
     def test_that_several_jobs_have_do_nothing(
         self, client: redis.Redis, plateau_client: Client, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -316,11 +301,6 @@ class TestErrorsSayWhatToDo:
         assert code == 1
         assert "start one with `plateau up`, or name it by --url or PLATEAU_URL" in err
         assert len(err.splitlines()) == 1
-
-    def test_of_a_url_that_is_none(self) -> None:
-        code, _, err = plateau("list", "--url", "localhost:8713")
-        assert code == 1
-        assert "write it as http://127.0.0.1:8713" in err
 
     def test_of_a_file_that_cannot_be_written(self, job: StagedJob, tmp_path: Path) -> None:
         (tmp_path / "out").write_text("a file, where a folder should be")

@@ -5,11 +5,12 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 import redis
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -34,6 +35,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     """The lines that the completion of these words prints; the last one is the current one."""
     monkeypatch.setattr("gc.set_threshold", lambda _: None)  # this process lives on
     monkeypatch.setattr("atexit.register", lambda _: None)
+    monkeypatch.setattr("plateau.commands.standard_streams", nullcontext)  # pytest has them
     monkeypatch.setattr("sys.argv", ["plateau"])
     monkeypatch.chdir(tmp_path)
 
@@ -219,6 +221,7 @@ def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
     assert done.stdout.split() == ["bar", "box"]
 
 
+@settings(max_examples=30)
 @given(st.lists(st.from_regex(r"[a-z/]+(:[a-z]+)*:?", fullmatch=True), min_size=1, max_size=6))
 def test_words_are_put_together_as_they_were(words: list[str]) -> None:
     # Given a line as bash takes it apart; a word that ends with a colon must be the last

@@ -5,20 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from plateau.commands import app
 from plateau.farm.images.crops import CROP
 from plateau.farm.images.exr import decode_header, decode_layers, encode_layers
+from tests.support.processes.commands import plateau
 
 SIZE = (48, 64)
 NORMAL = {"N.X": 0.0, "N.Y": 0.0, "N.Z": 1.0}
-
-
-def plateau(*arguments: object) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, [str(one) for one in arguments])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 def light() -> np.ndarray:

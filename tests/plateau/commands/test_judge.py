@@ -11,9 +11,9 @@ from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.model.spec import JobSpec
 from plateau.picture.series import CannotJudge, find_series, judge_series
-from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.noise_farm import noise_film
 from tests.support.images.plain_exr import encode_image
+from tests.support.processes.commands import plateau as command
 
 SLICES = 40
 SPEC = JobSpec.model_validate(

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 import redis
-from plateau.cli import app
-from typer.testing import CliRunner
 
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.processes.terminal import Terminal
 
 DOTS = re.compile("[\u2801-\u28ff]")
@@ -129,10 +128,10 @@ def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path:
 def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
     job.end()
     job.finish(200)
-    done = CliRunner().invoke(app, ["watch", job.id, "--url", api])
-    assert done.exit_code == 0
-    assert not DOTS.search(done.output)
-    assert "\x1b" not in done.output
+    code, printed, said = plateau("watch", job.id, "--url", api)
+    assert code == 0
+    assert not DOTS.search(printed + said)
+    assert "\x1b" not in printed + said
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:

@@ -14,9 +14,9 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
 from tests.support.images.movies import pictures
+from tests.support.processes.commands import plateau as command
 
 
 @pytest.fixture(autouse=True)

@@ -5,23 +5,16 @@ from pathlib import Path
 
 import pytest
 import redis
-import typer.testing
 
-from plateau.commands import app
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from tests.support.farms.receiver import OK, SECRET, receiving
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene
 
 URL = "https://studio.example/hooks/plateau"
-
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    done = typer.testing.CliRunner().invoke(app, arguments)
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 @pytest.fixture(autouse=True)

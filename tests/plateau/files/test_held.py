@@ -18,8 +18,8 @@ from plateau.farm.model.spec import JobSpec
 from plateau.files.held import Held, held
 from plateau.files.job_folder import whole
 from plateau.rendering.result import Result
-from tests.plateau.commands.test_cli import plateau as command
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import plateau as command
 
 HOLDS = (
     "import sys; from pathlib import Path; from plateau.files.held import held\n"

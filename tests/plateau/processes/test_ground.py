@@ -19,9 +19,9 @@ def test_one_sentence_says_what_to_set(tmp_path: Path, monkeypatch: pytest.Monke
     long = tmp_path / ("l" * 100)
     long.mkdir()
     for temporary, says in {
-        tmp_path / "missing": "missing (No such file or directory): TMPDIR must name a folder",
-        tmp_path / "file": "file is no folder: TMPDIR must",
-        Path("/proc"): "nothing can be written into /proc (",
+        tmp_path / "missing": "missing, which is no folder: let it name another one",
+        tmp_path / "file": "file, which is no folder",
+        Path("/proc"): "cannot write into /proc (",
         long: "too long for the path of a socket: let TMPDIR name a folder of 66 characters",
     }.items():
         monkeypatch.setenv("TMPDIR", str(temporary))
@@ -32,8 +32,8 @@ def test_one_sentence_says_what_to_set(tmp_path: Path, monkeypatch: pytest.Monke
     # A long one does for whoever has no socket there
     check_ground(settings, caches=True)
     check_ground(settings, caches=True, has_redis=True, data=Path("/tmp/data"))
-    for cache, says in {"file": "is no folder", "file/x": "is no folder", "/proc/x": "(No"}.items():
-        with pytest.raises(CommandFailed, match="PLATEAU_CACHE must name a folder") as caught:
+    for cache, says in {"file": "file is a file", "file/x": "a file", "/proc/x": "(No"}.items():
+        with pytest.raises(CommandFailed, match="PLATEAU_CACHE") as caught:
             check_ground(Settings(cache=tmp_path / cache), caches=True)
         assert says in str(caught.value)
 

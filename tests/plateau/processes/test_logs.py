@@ -113,31 +113,27 @@ def test_every_line_of_a_monitor_says_which_job_and_slice_it_is_about(
     assert str(monitor.process.pid) in name
 
 
-def test_every_line_of_an_api_says_which_job_it_is_about(run: Run, tmp_path: Path) -> None:
-    api = run("api", "--port", "0", PLATEAU_REDIS_URL=f"unix://{tmp_path}/nowhere.sock")
+@pytest.mark.parametrize("log_format", ["json", "text"])
+def test_every_line_of_an_api_says_which_job_it_is_about(
+    run: Run, tmp_path: Path, log_format: str
+) -> None:
+    redis_at = f"unix://{tmp_path}/nowhere.sock"
+    api = run("api", "--port", "0", log_format=log_format, PLATEAU_REDIS_URL=redis_at)
     url = api.wait_for(r"listens at (http://127\.0\.0\.1:\d+)")
     with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:  # one connection for all
         for path in ("/v1/jobs/0123456789ab", "/v1/jobs/0123456789ab/slices/7.exr", "/v1/jobs"):
             assert http.get(path).status_code == 503
-    found = lines(api)
-    assert {one["role"] for one in found} == {"api"}
-    assert about(found, "GET /v1/jobs/0123456789ab:") == {("0123456789ab", None)}
-    assert about(found, "/slices/7.exr:") == {("0123456789ab", 7)}
-    assert about(found, "GET /v1/jobs:") == {(None, None)}
-
-
-def test_as_text_a_line_has_its_fields_at_its_end(bench: Bench, run: Run) -> None:
-    wrong = SCENE.format(integrator="path").replace('"diffuse"', '"no\x85such"')
-    job, _ = bench.job(slices=1, scene=wrong)
-    worker = run("worker", log_format="text")
-    until(lambda: bench.jobs.get(job.id).state is JobState.FAILED, 120)
-    worker.process.send_signal(signal.SIGTERM)
-    assert worker.exit_code() == 0
-    (line,) = (one for one in worker.said.split("\n") if "[warning]" in one)
-    assert "the scene cannot be rendered: " in line
-    assert line.endswith(f"job={job.id} slice=0")
-    assert " role=worker worker=" in line
-    assert line.isprintable()
+    if log_format == "json":
+        found = lines(api)
+        assert {one["role"] for one in found} == {"api"}
+        assert about(found, "GET /v1/jobs/0123456789ab:") == {("0123456789ab", None)}
+        assert about(found, "/slices/7.exr:") == {("0123456789ab", 7)}
+        assert about(found, "GET /v1/jobs:") == {(None, None)}
+    else:  # then it has its fields at its end
+        (line,) = (one for one in api.said.split("\n") if "/slices/7.exr:" in one)
+        assert " role=api " in line
+        assert line.endswith("job=0123456789ab slice=7")
+        assert line.isprintable()
 
 
 def test_an_unknown_format_is_refused(run: Run) -> None:

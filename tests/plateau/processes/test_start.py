@@ -29,7 +29,9 @@ STARTS = {
         *("rich", "numpy", "PIL", "OpenEXR", *_JUDGING, "numba", "httpx", "matplotlib"),
         *_RENDERERS,
     },
-    "from plateau import Client": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
+    "from plateau import Client": {
+        *("numpy", "fastapi", "pydantic_settings", "plateau.farm.ledger", *_FARMS),
+    },
     "import plateau.rendering.follow, plateau.rendering.outputs": {
         *("numpy", "fastapi", "plateau.farm.ledger", *_FARMS),
     },

@@ -105,6 +105,7 @@ def test_a_cap_of_any_size_is_rendered(run: Run) -> None:
     assert not [note for note in result.job.notes if "slice_spp" in note]
 
 
+@pytest.mark.long  # what a dict is written as: tests/worker/renderers/test_scene_dict.py
 def test_a_mitsuba_dict_is_rendered(run: Run) -> None:
     scene = """
 import mitsuba as mi
@@ -128,6 +129,7 @@ box["green"]["reflectance"] = {"type": "bitmap", "bitmap": mi.Bitmap(np.ones((2,
     assert "spp  changed" not in command.said  # nothing was shown
 
 
+@pytest.mark.long  # the command's is in tests/plateau/commands/test_render.py
 def test_an_interrupt_returns_the_image_so_far(run: Run) -> None:
     command = run(rule={"name": "fixed", "spp": 1_000_000}, max_spp=1_000_000)
     command.wait_for("200 spp")

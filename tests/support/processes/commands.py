@@ -9,8 +9,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import psutil
+from typer.testing import CliRunner
 
+from plateau.commands import app
 from tests.support.until import until
+
+
+def plateau(*arguments: object) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command, run in this process."""
+    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr
 
 
 class Command:

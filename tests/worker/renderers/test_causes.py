@@ -40,6 +40,13 @@ def test_of_a_traceback_the_exception_is_told():
     )
 
 
+def test_of_mitsubas_log_the_last_file_and_the_warnings_are_told():
+    log = "\x1b[31m2026-11-27 10:12:0{} {} [A] {}\n\x1b[0m".format
+    said = log(1, "DEBUG", 'Loading plugin "plugins/ply.so" ..') + log(2, "WARN ", "it is slow")
+    said += log(3, "DEBUG", 'Loading mesh from "a.ply" ..') + log(4, "INFO ", "ready")
+    assert first_and_last_words(said) == "it was at the file a.ply\nWARN  [A] it is slow"
+
+
 def test_folders_of_the_machine_are_not_told(tmp_path):
     link = tmp_path / "link"
     (tmp_path / "real").mkdir()

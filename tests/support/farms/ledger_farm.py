@@ -1,0 +1,73 @@
+"""Jobs and workers over one Redis, for tests of the ledger that wait for no clock."""
+
+from typing import Any
+
+import redis
+
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis import keys
+
+LEASE_S = 60.0
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+
+
+class LedgerFarm:
+    """One Redis, one monitor's ownerships and any number of workers."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self.client = client
+        self.jobs = Jobs(client)
+        self.owners = Ownerships(client, lease_s=LEASE_S)
+
+    def worker(self, name: str = "w", **more: Any) -> SliceQueue:
+        return SliceQueue(self.client, name, LEASE_S, **more)
+
+    def job(self, slices: int = 4, owner: str = "", **spec: object) -> tuple[Job, Ownership]:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00", owner=owner).job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+    def runs_out(self, held: Lease) -> None:
+        runs_out(self.client, held)
+
+
+def runs_out(client: redis.Redis, held: Lease) -> None:
+    """The lease has lasted for its time, and nothing was heard of its worker meanwhile."""
+    slices, member = keys.job(held.job_id, "slices"), f"{held.job_id} {held.entry}"
+    at = client.xpending_range(slices, keys.GROUP, held.entry, held.entry, 1)[0]["consumer"]
+    client.xclaim(slices, keys.GROUP, at, 0, [held.entry], idle=10**9, justid=True)
+    client.zadd(keys.LEASES, {member: 1}, xx=True)
+    client.zadd(keys.WORKERS, {at: 1}, xx=True)
+
+
+def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
+    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+    assert found is not None
+    return found
+
+
+def record_of(held: Lease, *, first_seed: int | None = None, **other: object) -> SliceRecord:
+    """What a worker commits of the slice."""
+    first = 10 * held.index if first_seed is None else first_seed
+    known = {
+        "index": held.index,
+        "spp": held.spec.slice_spp,
+        "first_seed": first,
+        "last_seed": first + 2,
+        "blob": f"partial-{held.index}",
+        "sha256": "00",
+        "worker": "w",
+        "render_s": 1.5,
+    }
+    return SliceRecord.model_validate({**known, **other})
+
+
+def commit(queue: SliceQueue, held: Lease, *, said: str = "", **record: Any) -> Committed:
+    made = record_of(held, **record)
+    return queue.commit(held, made, width=8, height=4, notes=("a note",), said=said)
