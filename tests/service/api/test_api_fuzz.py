@@ -92,7 +92,7 @@ _DEAR = {
     ),
     *(f"POST /v1/jobs/{{job_id}}/{call}" for call in ("pause", "resume", "restore")),
     *(f"POST /v1/batches/{{name}}/{call}" for call in ("pause", "resume", "restore")),
-    *("GET /v1/batches/{name}/shot/film.png", "GET /v1/results.zip"),
+    "GET /v1/batches/{name}/shot/film.png",
     *("POST /v1/workers/{worker_id}/resume", "GET /v1/usage.csv"),
 }
 
