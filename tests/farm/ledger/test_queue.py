@@ -98,12 +98,12 @@ def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: Ledger
     cut_off.heartbeat({}, (held,))
     # Given that Redis heard of no worker at all for longer than a lease
     farm.runs_out(held)
-    farm.client.set(keys.HEARD, 1)
+    farm.client.hset(keys.HEARD, "at", 1)
     # Then the first that reaches it again does not get the slice of the one that could not renew
     assert other.lease(VARIANTS, None, in_turn=False) is None
     assert cut_off.heartbeat({}, (held,)) == ()
     # But one that stays away loses it a lease later
-    farm.client.delete(keys.GRACE)
+    farm.client.hdel(keys.HEARD, "spared_till")
     farm.runs_out(held)
     assert lease(other).tries == 2
     assert troubles(farm, job) == ["worker cut off was lost"]

@@ -48,7 +48,7 @@ def assert_equal(expected, found, tolerance=0.0):
 class TestBothSeeTheSame:
     @pytest.mark.parametrize("noise", [0.005, 0.02, 0.05, 0.2, 1.0])
     def test_on_weak_and_on_strong_noise(self, noise):
-        expected, found = judged_by_both(View(), *noisy_pair(200, 250, noise))
+        expected, found = judged_by_both(View(), *noisy_pair(400, 500, noise))
         assert 0 < expected.fraction < 1
         assert_equal(expected, found, TOLERANCE)
 
@@ -56,7 +56,7 @@ class TestBothSeeTheSame:
     def test_from_starlight_to_glare(self, exposure_ev):
         # Down to the luminances at which only rods see.
         view = View(exposure_ev=exposure_ev)
-        expected, found = judged_by_both(view, *noisy_pair(200, 250, 0.5))
+        expected, found = judged_by_both(view, *noisy_pair(400, 500, 0.5))
         assert_equal(expected, found, TOLERANCE)
 
     @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ class TestBothSeeTheSame:
         ids=repr,
     )
     def test_under_any_view(self, view):
-        expected, found = judged_by_both(view, *noisy_pair(200, 250, 0.1))
+        expected, found = judged_by_both(view, *noisy_pair(400, 500, 0.1))
         assert 0 < expected.fraction < 1
         assert_equal(expected, found, TOLERANCE)
 
