@@ -150,6 +150,7 @@ class TestThePatchOfASpec:
     ) -> None:
         assert violations(document, PATCH, changes)
         job = StagedJob(client, keep_slices=True)
+        job.commit()
         job.end()
         said = http.post(f"/v1/jobs/{job.id}/again", json=changes).json()
         assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}

@@ -199,7 +199,7 @@ BAD: dict[str, tuple[str, dict[str, object]]] = {
         {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
     ),
     "nonsense": ("<scene version='3.0.0'><nonsense/></scene>", {}),
-    "neither a Mitsuba XML nor": ("no scene at all", {}),
+    "it is of no known kind": ("no scene at all", {}),
     "has no scene": (PLAIN + "<!-- lost -->", {}),
 }
 
