@@ -55,7 +55,7 @@ def within(found: Counter[str], most: int) -> None:
         (EXTENSIONS, CODE, 5_000),
         (("bench",), CODE, 4_000),
         (("bench",), (".json", ".csv"), 5_000),
-        (("tests",), CODE, 58_750),  # the aim: 46,000
+        (("tests",), CODE, 57_750),  # the aim: 46,000
         (("plateau/farm/redis/lua",), (".lua",), 1_960),  # the aim: 1,800
     ],
     ids=["core", "extensions", "bench", "results of bench", "tests", "Lua"],

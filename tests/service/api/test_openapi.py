@@ -152,6 +152,7 @@ class TestThePatchOfASpec:
         job = StagedJob(client, keep_slices=True)
         job.commit()
         job.end()
+        job.finish()
         said = http.post(f"/v1/jobs/{job.id}/again", json=changes).json()
         assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}
 

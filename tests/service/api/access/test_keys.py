@@ -272,13 +272,13 @@ def test_a_key_has_so_many_jobs_at_once_and_so_much_room(as_: As) -> None:
     assert "the limit of the key 'a submitter'" in found["detail"]
     assert submit(mine).status_code == 201
     # Given a key that has stored as much as it may, another scene is refused
-    mine, other = as_("submitter", scenes_bytes=len(BOX) + 10), as_("submitter")
-    assert submit(mine).status_code == 201
-    more = BOX + b"<!-- another -->"
+    own, more = BOX + b"<!-- own -->", BOX + b"<!-- another -->"
+    mine, other = as_("submitter", scenes_bytes=len(own) + 10), as_("submitter")
+    assert submit(mine, own).status_code == 201
     said = problem(submit(mine, more), 403, "too-many-scenes")
-    assert (said["stored_bytes"], said["limit_bytes"]) == (len(BOX), len(BOX) + 10)
+    assert (said["stored_bytes"], said["limit_bytes"]) == (len(own), len(own) + 10)
     # And what is stored it may submit as often as it likes, also what another key has sent
-    for sender, scene in ((mine, BOX), (other, more), (mine, more)):
+    for sender, scene in ((mine, own), (other, more), (mine, more)):
         assert submit(sender, scene).status_code == 201
 
 

@@ -6,7 +6,6 @@ import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
-from pathlib import Path
 from xml.etree import ElementTree as ET
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
@@ -23,6 +22,7 @@ from plateau.farm.model.job import utc_now
 from plateau.metric import encode_srgb
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.every_time import save_every_time
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
@@ -95,10 +95,10 @@ class TestOneJob:
 
 
 def test_the_images_of_a_running_job_are_of_the_same_samples(
-    client: redis.Redis, redis_url: str, tmp_path: Path
+    farm: NoiseFarm, redis_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Given a job whose newest images are replaced all the time while somebody fetches them
-    farm = NoiseFarm(client, redis_url, tmp_path)
+    save_every_time(monkeypatch)
     job = farm.submit(step=10, slice_spp=10, max_spp=9000, rule={"name": "fixed", "spp": 9000})
     spps: set[str] = set()
     is_over = threading.Event()
@@ -123,7 +123,7 @@ def test_the_images_of_a_running_job_are_of_the_same_samples(
         looking = pool.submit(look, http)
         try:
             with farm.monitor():
-                farm.work(lambda: len(spps) > 4 or looking.done())
+                farm.work(lambda: len(spps) > 2 or looking.done())
         finally:
             is_over.set()
         looking.result()
