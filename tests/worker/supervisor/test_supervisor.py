@@ -248,7 +248,7 @@ def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench)
 def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (1.0, 1.0))
+    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (5.0, 5.0))  # some heartbeats
     alive = tmp_path / "alive"
     bench.settings = bench.settings.model_copy(update={"alive_file": alive})
     why = "nothing renders here: scalar_rgb was ended by SIGILL"
@@ -268,7 +268,7 @@ def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
 def test_a_worker_whose_bits_are_not_those_of_the_day_before_takes_no_slice(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (1.0, 1.0))
+    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (5.0, 5.0))  # some heartbeats
     # Given a worker that has rendered other bits of the known image, two days ago
     cache = bench.settings.cache
     Kinds(cache, scalar())
