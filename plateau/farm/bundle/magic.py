@@ -44,7 +44,6 @@ _MAGIC: Final = (
     (0, b"#usda", "a USD file"),
     (0, b"glTF", "a glTF file"),
     (0, b"Kaydara FBX", "an FBX file"),
-    (0, b"BLENDER", "a Blender file"),
 )
 
 

@@ -1,9 +1,12 @@
 """Plateau's commands as real processes, and all that they start."""
 
+import hashlib
 import os
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +33,7 @@ class Command:
     arguments
         The command line after ``plateau``.
     folder
-        Where its settings, its temporary files and what it says are kept.
+        Where its data and what it says are kept.
     program
         What Python runs.
     prepare
@@ -45,8 +48,11 @@ class Command:
         prepare: Callable[[], object] | None = None,
         **environment: str,
     ) -> None:
-        self.temporary = folder / "t"  # short: a socket's path may have 107 bytes
-        self.temporary.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        # One for each folder, and short, since a socket's path may have 100 bytes.
+        digest = hashlib.sha256(os.fsencode(folder)).hexdigest()
+        self.temporary = Path(tempfile.gettempdir(), f"plateau-{digest[:12]}")
+        self.temporary.mkdir(exist_ok=True)
         self._said = folder / f"said-{time.monotonic_ns()}"
         with self._said.open("wb") as said:
             self.process = subprocess.Popen(
@@ -112,6 +118,7 @@ class Command:
             one.kill()
         self.process.kill()
         self.process.wait()
+        shutil.rmtree(self.temporary, ignore_errors=True)
 
 
 def _runs(process: psutil.Process) -> bool:

@@ -41,6 +41,7 @@ class TestAMethod:
         job = StagedJob(client)
         job.commit()
         job.picture(api_store, "image.png", b"picture")
+        job.end()  # one that runs says how long it has run
         root = f"/v1/jobs/{job.id}"
         # The stream of this job's events would not end
         for path in ("/v1/jobs", root, f"{root}/curve", f"{root}/image.png"):
