@@ -69,8 +69,9 @@ def pytest_configure(config: pytest.Config) -> None:
     stack = ExitStack()
     if "TESTS_CACHE" not in os.environ:  # shared by all processes of ``-n``, which inherit it
         # What was killed may still write into it at the end.
-        folder = tempfile.TemporaryDirectory(prefix="tests-cache-", ignore_cleanup_errors=True)
-        os.environ["TESTS_CACHE"] = stack.enter_context(folder)
+        for name in ("TESTS_CACHE", "TESTS_TEMPORARY"):
+            folder = tempfile.TemporaryDirectory(prefix="tests-", ignore_cleanup_errors=True)
+            os.environ[name] = stack.enter_context(folder)
     stack.enter_context(own_processes())
     config.add_cleanup(stack.close)
 

@@ -60,7 +60,7 @@ def submit(
         list[str] | None,
         typer.Option(
             metavar="WHO",
-            help="Who is told when the job has ended: a target that the farm's operator has named, "
+            help="Who is notified when the job ends: a target that the farm's operator has named, "
             "or a URL, which gets a POST signed with PLATEAU_WEBHOOK_SECRET; may be repeated.",
         ),
     ] = None,

@@ -3,10 +3,8 @@
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -51,7 +49,7 @@ class Command:
         folder.mkdir(parents=True, exist_ok=True)
         # One for each folder, and short, since a socket's path may have 100 bytes.
         digest = hashlib.sha256(os.fsencode(folder)).hexdigest()
-        self.temporary = Path(tempfile.gettempdir(), f"plateau-{digest[:12]}")
+        self.temporary = Path(os.environ["TESTS_TEMPORARY"], digest[:12])
         self.temporary.mkdir(exist_ok=True)
         self._said = folder / f"said-{time.monotonic_ns()}"
         with self._said.open("wb") as said:
@@ -118,7 +116,6 @@ class Command:
             one.kill()
         self.process.kill()
         self.process.wait()
-        shutil.rmtree(self.temporary, ignore_errors=True)
 
 
 def _runs(process: psutil.Process) -> bool:
