@@ -142,7 +142,8 @@ def test_one_that_ended_too_soon_can_be_taken_up_again(
     with farm.monitor():
         job = farm.submit(**QUICK)
         farm.render(slices)
-        if end is JobState.CANCELLED:  # in the middle of a step
+        if end is JobState.CANCELLED:  # in the middle of a step, the last point being judged
+            until(lambda: farm.jobs.get(job.id).spp == 40)
             farm.jobs.cancel(job.id)
         else:
             until(lambda: farm.jobs.get(job.id).spp == slices * SLICE)
