@@ -42,7 +42,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "A job's id may be shortened, as in git. A batch is several jobs under one name, such "
             "as the frames of an animation: [animation.md](animation.md)."
         ),
-        ("submit", "watch", "list", "show", "log", "fetch", "movie", "usage"),
+        ("submit", "watch", "list", "show", "log", "fetch", "usage"),
     ),
     (
         "Control jobs and workers",

@@ -31,10 +31,7 @@ IMAGES: Final = (
     *(NOISE_MAP, QUALITY_MAP, SPP_MAP, "non-finite.png"),
 )
 #: The files of a job, beside the folder of its slices.
-RESULTS: Final = (
-    *IMAGES,
-    *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
-)
+RESULTS: Final = (*IMAGES, "curve.csv", "curve.svg", "summary.txt", "summary.json")
 SLICES: Final = "slices"
 
 #: The file with the id of the folder's job.

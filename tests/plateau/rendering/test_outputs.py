@@ -62,7 +62,6 @@ def test_all_that_a_converged_job_has(
         "difference.png",
         "curve.csv",
         "curve.svg",
-        "report.html",
         "summary.txt",
         "summary.json",
     }
@@ -71,7 +70,6 @@ def test_all_that_a_converged_job_has(
     rows = list(csv.DictReader((folder / "curve.csv").read_text().splitlines()))
     assert [row["spp"] for row in rows] == ["100", "200", "300", "400"]
     assert (folder / "curve.svg").read_text().startswith("<svg ")
-    assert (folder / "report.html").read_bytes() == plateau.image(job.id, "report.html")
     text = (folder / "summary.txt").read_text()
     assert "converged" in text
     assert re.search(r"^samples: +400 of at most 1,000 spp$", text, re.MULTILINE)
@@ -97,7 +95,7 @@ def test_a_file_that_is_damaged_costs_the_others_nothing(
         write_results(plateau, plateau.job(job.id), tmp_path / "out")
     written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
     assert written == {
-        *("image.png", "curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
+        *("image.png", "curve.csv", "curve.svg", "summary.txt", "summary.json"),
     }
 
 
@@ -115,7 +113,7 @@ def test_a_job_without_an_image_leaves_its_summary(
     plateau: Client, client: redis.Redis, tmp_path: Path
 ) -> None:
     write_results(plateau, plateau.job(failed(client).id), tmp_path / "out")
-    assert visible(tmp_path / "out") == {"report.html", "summary.txt", "summary.json"}
+    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
     assert "no plugin of that name" in (tmp_path / "out" / "summary.txt").read_text()
 
 
@@ -134,7 +132,7 @@ class TestAFolderThatAnotherJobHadBefore:
         write_results(plateau, plateau.job(failed(client).id), tmp_path)
         # Then nothing of the first is left, and all else is
         files = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-        assert files == {"report.html", "summary.txt", "summary.json", ".plateau-job"} | others
+        assert files == {"summary.txt", "summary.json", ".plateau-job"} | others
         assert all((tmp_path / name).read_text() == "mine" for name in others)
 
     def test_has_the_files_of_one_job_whenever_its_writer_is_killed(
