@@ -15,12 +15,12 @@ Part of the render child.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plateau.farm.images.channels import surface_colour
 from plateau.farm.images.mattes import attributes_of, letter_of
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.worker.renderers.contract import check_aovs
@@ -65,6 +65,10 @@ _MADE_FROM: Final[Mapping[AovName, tuple[tuple[str, str], ...]]] = {
     "uv": (("use_pass_uv", "UV"),),
     "shape_id": (("use_pass_object_index", "Object Index"),),
 }
+#: Light that Cycles divides by a colour.
+_DIVIDED_LIGHT: Final = re.compile(
+    r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])"
+)
 #: Beyond it Cycles has met nothing.
 _NOTHING: Final = 1e9
 _OBJECT_TYPES_WITHOUT_SURFACE: Final = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE")
@@ -131,6 +135,16 @@ class Passes:
             for channel in AOVS[name].channels
         )
         return (*asked, *map(stored_name, filter(self._is_of_first_sample, self.own)))
+
+    @property
+    def quotients(self) -> tuple[tuple[str, str], ...]:
+        """The channels of light, each with that of the colour by which an image divides it."""
+        pairs = ((channel, surface_colour(channel)) for channel in self.own)
+        return tuple(
+            (stored_name(light), stored_name(colour))
+            for light, colour in pairs
+            if colour is not None and colour in self.own
+        )
 
     def planes(
         self, found: Mapping[str, NDArray[np.float32]], spp: int
@@ -214,6 +228,18 @@ def ask_for(scene: Any, layer: Any, aovs: Collection[str]) -> tuple[Passes, list
         ),
     )
     return passes, notes
+
+
+def surface_colour(name: str) -> str | None:
+    """Return the channel of the colour by which light is divided, or None for another channel.
+
+    Examples
+    --------
+    >>> surface_colour("ViewLayer.Diffuse Indirect.R")
+    'ViewLayer.Diffuse Color.R'
+    """
+    found = _DIVIDED_LIGHT.fullmatch(name)
+    return f"{found[1]} Color{found[2]}" if found else None
 
 
 def left_out(names: Iterable[str]) -> str:

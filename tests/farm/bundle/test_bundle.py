@@ -672,8 +672,8 @@ def test_a_bad_upload_is_refused_with_its_reason(bad: Bad):
 
 
 def test_every_code_is_tested():
-    # In test_packing.py, test_analytic.py and test_scene_dict.py.
-    elsewhere = {"unpackable-path", "analytic-field", "unwritable-dict"}
+    # In test_packing.py and test_scene_dict.py.
+    elsewhere = {"unpackable-path", "unwritable-dict"}
     assert {bad.code for bad in BAD} | elsewhere == set(CODES)
 
 
