@@ -57,14 +57,6 @@ def test_a_single_xml_is_a_scene(tmp_path: Path):
     )
 
 
-def test_a_zip_holds_a_scene_and_its_files():
-    files = {"scene.xml": scene(mesh("meshes/a.ply")), "meshes/a.ply": PLY}
-    summary = inspect_bundle(zipped(files))
-    assert (summary.kind, summary.entry, summary.files) == ("zip", "scene.xml", 2)
-    assert summary.bytes_unpacked == sum(map(len, files.values()))
-    assert (summary.width, summary.height) == (768, 576)  # Mitsuba's default film
-
-
 def test_a_stream_is_read_from_its_start_and_left_open():
     stream = zipped({"scene.xml": scene()})
     stream.read()
@@ -105,16 +97,6 @@ def test_a_broken_xml_beside_the_scene_does_no_harm():
     assert inspect_bundle(zipped(files)).entry == "scene.xml"
 
 
-def test_a_reference_may_go_up_as_long_as_it_stays_inside():
-    files = {"scenes/scene.xml": scene(mesh("../meshes/./a.ply")), "meshes/a.ply": PLY}
-    assert inspect_bundle(zipped(files)).entry == "scenes/scene.xml"
-
-
-def test_folders_may_have_entries_of_their_own():
-    files = {"a/": b"", "a/b/": b"", "a/scene.xml": scene('<path value="b"/>')}
-    assert inspect_bundle(zipped(files)).files == 1
-
-
 def test_a_name_in_utf8_that_does_not_say_so_is_read_as_utf8():
     """macOS and others write these; the archive's flag is not set."""
     content = zipped({"scene.xml": scene(mesh("né.ply")), "nXX.ply": PLY}).getvalue()
@@ -135,13 +117,6 @@ def test_parameters_choose_files_and_the_film():
     summary = inspect_bundle(zipped(files), parameters={"mesh": "b", "w": "7"})
     assert (summary.width, summary.height) == (20, 7)
     assert summary.parameters == {"mesh": "a", "w": "10", "width": "20"}
-
-
-def test_a_crop_window_is_the_image():
-    crop = [("crop_width", 30), ("crop_height", 20), ("crop_offset_x", 70), ("crop_offset_y", 1)]
-    properties = [integer(*each) for each in [("width", 100), ("height", 50), *crop]]
-    summary = inspect_bundle(io.BytesIO(film(*properties)))
-    assert (summary.width, summary.height) == (30, 20)
 
 
 def test_the_film_is_that_of_the_sensor_asked_for():
@@ -360,7 +335,6 @@ BAD = [
     Bad("too-many-entries", commented(), "directory takes", kwargs=limits(max_entries=100)),
     Bad("zip-encrypted", forged(flag_bits=0x1), "without a password", "a.ply"),
     Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_BZIP2), "deflated", "scene.xml"),
-    Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_LZMA), "deflated", "scene.xml"),
     Bad("zip-bomb", entry("a.ply", bytes(2**21)), "ratio of 200", "a.ply"),
     Bad("zip-bomb", entry("a"), "to 60 bytes; 20 are", kwargs=limits(max_unpacked_bytes=20)),
     Bad("zip-bomb", zipped({f"{n}.bin": bytes(2**20) for n in range(65)}), "67108864 are"),
@@ -369,13 +343,9 @@ BAD = [
     Bad("zip-bomb", overlapping(), "overlap"),
     # Names
     Bad("path-escape", entry("/etc/passwd"), "leaves the bundle"),
-    Bad("path-escape", entry("../a.ply"), "leaves the bundle"),
     Bad("path-escape", entry("a/../../b.ply"), "leaves the bundle"),
-    Bad("path-escape", entry("a/.."), "leaves the bundle"),
-    Bad("path-escape", entry("..\\a.ply"), "leaves the bundle"),
     Bad("path-escape", entry("a\\..\\..\\b.ply"), "leaves the bundle"),
     Bad("path-escape", entry("C:/a.ply"), "leaves the bundle"),
-    Bad("path-escape", entry("\\\\host\\share\\a.ply"), "leaves the bundle"),
     Bad("entry-name", entry("a\\b.ply"), "backslash"),
     Bad("entry-name", entry("a.ply:stream"), "colon"),
     Bad("entry-name", entry("a\nb.ply"), "control character"),
@@ -402,21 +372,16 @@ BAD = [
     Bad("entry-type", zipped({"scene.xml": scene(), link(" "): b""}), "' ': it is a link", " "),
     Bad("entry-type", zipped({"scene.xml": scene(), link("a/"): b"/etc"}), "a link", "a/"),
     Bad("entry-type", entry(link("a", stat.S_IFCHR)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFBLK)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFIFO)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFSOCK)), "neither a plain file", "a"),
     Bad("entry-type", entry(link("a", stat.S_IFDIR)), "neither a plain file", "a"),
     Bad("entry-type", entry("a/", b"content"), "with contents", "a/"),
     Bad("native-code", entry("plugins/sphere.so"), "shared library", "plugins/sphere.so"),
     Bad("native-code", entry("x.DLL"), "shared library", "x.DLL"),
-    Bad("native-code", entry("x.dylib"), "shared library", "x.dylib"),
     # XML
     Bad("xml-malformed", io.BytesIO(b"<scene>\n<shape>\n</scene>"), "mismatched", "scene.xml", 3),
     Bad("xml-malformed", io.BytesIO(scene() + scene()), "junk", "scene.xml"),
     Bad("xml-malformed", io.BytesIO(scene('<a b="1" b="2"/>')), "duplicate", "scene.xml", 2),
     Bad("xml-malformed", xml('<a b="&y;"/>'), "undefined entity", "scene.xml", 2),
     Bad("xml-encoding", io.BytesIO(b'<scene v="\xff"/>'), "0xff is no UTF-8", "scene.xml", 1),
-    Bad("xml-entity", io.BytesIO(b"<!DOCTYPE scene>" + scene()), "DOCTYPE", "scene.xml", 1),
     Bad("xml-entity", io.BytesIO(ENTITY + scene('<a b="&x;"/>')), "DOCTYPE", "scene.xml", 1),
     Bad(
         "xml-entity",
@@ -427,7 +392,6 @@ BAD = [
     ),
     Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16")), "UTF-8", "scene.xml"),
     Bad("xml-encoding", LATIN, "0xf6 .* in Latin-1 it is 'ö'", "scene.xml", 2),
-    Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16-be")), "UTF-8", "scene.xml"),
     Bad(
         "xml-encoding",
         io.BytesIO(b'<?xml version="1.0" encoding="latin-1"?>' + scene()),
@@ -456,7 +420,6 @@ BAD = [
     ),
     Bad("xml-too-large", searching(60), "takes too long", kwargs=limits(max_lookups=1000)),
     Bad("plugin-name", xml('<shape type="../x"/>'), "not the name of a", "scene.xml", 2),
-    Bad("plugin-name", xml('<shape type="/tmp/x"/>'), "not the name of a", "scene.xml", 2),
     Bad(
         "plugin-name",
         xml('<default name="t" value="ply"/><shape type="$t"/>'),
@@ -480,7 +443,6 @@ BAD = [
     # References
     Bad("missing-file", xml(mesh("a.ply")), "single XML file; send a zip", "scene.xml", 2),
     Bad("missing-file", zipped({"scene.xml": scene("", mesh("a.ply"))}), "add it", "scene.xml", 3),
-    Bad("missing-file", zipped({"scene.xml": scene(include("a.xml"))}), "add it", "scene.xml", 2),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>')}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("A.ply")), **MESH}), r"'a.ply' \(case"),
     Bad(
@@ -520,22 +482,18 @@ BAD = [
             b"ply\n": "a PLY mesh, which",
         }.items()
     ),
-    Bad("missing-file", zipped({"scene.xml": scene(mesh("no/../a.ply")), **MESH}), "no/"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a.ply/../a.ply")), **MESH}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a")), "a/b": b""}), "not a file"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("./" * 3000 + "a.ply")), **MESH}), "…"),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>'), "a": b""}), "not a fold"),
     Bad("missing-file", xml('<spectrum name="x" filename="a.spd"/>'), "a.spd", "scene.xml", 2),
-    Bad("path-escape", xml(mesh("/etc/passwd")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("../a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("C:/a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("\\\\host\\a.ply")), "leads out of", "scene.xml", 2),
-    Bad("path-escape", xml('<path value="/"/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<path value=".."/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(include("../a.xml")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<spectrum name="x" filename="/a"/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<string name="cache" value="/tmp/x"/>'), "looks like", "scene.xml", 2),
-    Bad("path-escape", xml('<string name="cache" value="a/../.."/>'), "looks like"),
     Bad(  # up to the top and down again, by a name that the archive does not have
         "path-escape",
         zipped({"a/scene.xml": scene(mesh("../../a/a.ply")), "a/a.ply": PLY}),
@@ -636,7 +594,6 @@ BAD = [
     Bad("film-size", io.BytesIO(film(integer("width", f"{10**6:030}"))), "1000000×576 pixels"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", f"{9:030}"))), "crop window"),
     Bad("film-size", io.BytesIO(film(integer("crop_width", 0))), "crop_width"),
-    Bad("film-size", io.BytesIO(film(integer("crop_offset_x", -1))), "crop_offset_x"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", 1))), "crop window"),
     Bad(
         "film-size",

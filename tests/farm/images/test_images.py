@@ -93,11 +93,6 @@ def test_an_image_is_no_partial() -> None:
         decode_partial(encode_image(np.zeros((2, 2, 3), np.float32)))
 
 
-def test_an_image_comes_back_to_the_bit() -> None:
-    image = RNG.random((9, 4, 3)).astype(np.float32)
-    np.testing.assert_array_equal(decode_image(encode_image(image, {"plateau:spp": 3})), image)
-
-
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
 def test_half_alpha_and_grey_exrs_are_read(dtype: type) -> None:
     plane = RNG.random((3, 2)).astype(dtype)

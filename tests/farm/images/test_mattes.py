@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.channels import Channels
+from plateau.farm.images.crops import crop_header
 from plateau.farm.images.exr import Partial, decode_header, decode_partial, encode_partial
 from plateau.farm.images.mattes import check_attributes, mattes
 from plateau.picture.merge import Merge
@@ -80,6 +81,7 @@ def test_an_image_says_what_its_ids_are():
     names = {
         "cryptomatte/542cafa/name": "layer.CryptoObject",
         "cryptomatte/542cafa/manifest": '{"Ball":"74d3ebe9","Würfel":"a8fce865"}',
+        **crop_header((5, 7), (32, 24)),
     }
     merge = Merge(slice_spp=4)
     for index, said in enumerate((names, {})):
