@@ -1,5 +1,7 @@
 """Cryptomattes in films: pairs of an id and its samples, joined by ids and ranked in an image."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -94,7 +96,7 @@ def test_an_image_says_what_its_ids_are():
             variant="analytic:numpy",
             scene_sha256="0" * 64,
             pixels=film([(BALL, 4)]),
-            channels=CHANNELS,
+            channels=replace(CHANNELS, quotients=((LAYERS[0], LAYERS[1]),)),
             header=said,
         )
         content = encode_partial(partial)
@@ -104,6 +106,7 @@ def test_an_image_says_what_its_ids_are():
     other = Merge(slice_spp=4)
     other.restore(merge.slices, merge.arrays(), merge.about())
     assert merge.header == other.header == names
+    assert merge.channels == other.channels
 
 
 @pytest.mark.parametrize(
