@@ -66,9 +66,7 @@ _MADE_FROM: Final[Mapping[AovName, tuple[tuple[str, str], ...]]] = {
     "shape_id": (("use_pass_object_index", "Object Index"),),
 }
 #: Light that Cycles divides by a colour.
-_DIVIDED_LIGHT: Final = re.compile(
-    r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])"
-)
+_DIVIDED: Final = re.compile(r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])")
 #: Beyond it Cycles has met nothing.
 _NOTHING: Final = 1e9
 _OBJECT_TYPES_WITHOUT_SURFACE: Final = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE")
@@ -139,12 +137,8 @@ class Passes:
     @property
     def quotients(self) -> tuple[tuple[str, str], ...]:
         """The channels of light, each with that of the colour by which an image divides it."""
-        pairs = ((channel, surface_colour(channel)) for channel in self.own)
-        return tuple(
-            (stored_name(light), stored_name(colour))
-            for light, colour in pairs
-            if colour is not None and colour in self.own
-        )
+        divided = self._divided.items()
+        return tuple((stored_name(light), stored_name(colour)) for light, colour in divided)
 
     def planes(
         self, found: Mapping[str, NDArray[np.float32]], spp: int
@@ -161,11 +155,12 @@ class Passes:
         for name in self.asked:
             values = self._made(name, found)
             yield from values if name in _AOVS_OF_FIRST_SAMPLE else values * spp
+        divided = self._divided
         for channel in self.own:
             if self._is_of_first_sample(channel) or letter_of(channel) in {"r", "b"}:
                 yield found[channel]
-            elif (colour := surface_colour(channel)) is not None:
-                yield found[channel] * found[colour] * spp
+            elif channel in divided:
+                yield found[channel] * found[divided[channel]] * spp
             else:
                 yield found[channel] * spp
 
@@ -192,6 +187,11 @@ class Passes:
         offset = layers("Position", "XYZ") - self.camera[:3, 3].reshape(3, 1, 1)
         distance = along if self.is_parallel else np.linalg.norm(offset, axis=0, keepdims=True)
         return np.where(along < _NOTHING, distance, 0).astype(np.float32)
+
+    @property
+    def _divided(self) -> dict[str, str]:
+        lights = ((channel, _DIVIDED.fullmatch(channel)) for channel in self.own)
+        return {light: f"{found[1]} Color{found[2]}" for light, found in lights if found}
 
     def _pass_of(self, channel: str) -> str:
         return channel.removeprefix(f"{self.layer}.").rpartition(".")[0]
@@ -228,18 +228,6 @@ def ask_for(scene: Any, layer: Any, aovs: Collection[str]) -> tuple[Passes, list
         ),
     )
     return passes, notes
-
-
-def surface_colour(name: str) -> str | None:
-    """Return the channel of the colour by which light is divided, or None for another channel.
-
-    Examples
-    --------
-    >>> surface_colour("ViewLayer.Diffuse Indirect.R")
-    'ViewLayer.Diffuse Color.R'
-    """
-    found = _DIVIDED_LIGHT.fullmatch(name)
-    return f"{found[1]} Color{found[2]}" if found else None
 
 
 def left_out(names: Iterable[str]) -> str:
