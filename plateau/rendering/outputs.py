@@ -15,14 +15,7 @@ from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import JobView, SliceView
-from plateau.files.job_folder import (
-    IMAGES,
-    NOISE_MAP,
-    QUALITY_MAP,
-    SLICES,
-    SPP_MAP,
-    NewSet,
-)
+from plateau.files.job_folder import IMAGES, SLICES, NewSet
 
 _KEPT: Final = "plateau-kept-"
 
@@ -49,12 +42,12 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
     These are ``image.exr``, ``image.png``, ``difference.png`` and ``noise.png``, where the job has
-    an image and its maps;
-    ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
-    infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has points; ``slices``,
-    where it kept them, for `plateau judge`; ``summary.txt`` and ``summary.json``.
-    Slices that are there already are not fetched again. What another job has left there is replaced
-    when all is there; after an error it is as it was. The caller holds the folder (`out_folder`).
+    an image and its maps; ``spp.png``, where it is allocated by zones; ``non-finite.png``, where
+    the image is NaN or infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has
+    points; ``slices``, where it kept them, for `plateau judge`; ``summary.txt`` and
+    ``summary.json``. Slices that are there already are not fetched again. What another job has left
+    there is replaced when all is there; after an error it is as it was. The caller holds the folder
+    (`out_folder`).
 
     Raises
     ------
@@ -151,12 +144,6 @@ def _fetch(
 ) -> _Fetched:
     fetched = _Fetched(client.curve(job.id), [], {})
     for name in IMAGES:
-        if name == SPP_MAP and not job.spec.by_zones:
-            continue
-        if name == QUALITY_MAP and not (job.spec.by_quality and "quality_png" in job.links):
-            continue
-        if name == NOISE_MAP and "noise_png" not in job.links:
-            continue
         if _download(client, job.id, name, folder / name, fetched.damaged):
             fetched.files.append(name)
     for path in (folder / SLICES).glob("*"):  # of another job, which was broken off
