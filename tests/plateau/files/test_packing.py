@@ -113,6 +113,12 @@ def test_the_same_scene_has_the_same_bytes(project: Path, tmp_path: Path):
     assert sha256(path) != before
 
 
+def test_a_path_from_the_working_folder_is_as_good(project: Path, monkeypatch: pytest.MonkeyPatch):
+    expected = sha256(project / "shots" / "one" / "shot.xml")
+    monkeypatch.chdir(project / "shots" / "two")
+    assert sha256(Path("../one/shot.xml")) == expected
+
+
 def test_folders_that_a_reference_goes_through_are_packed(tmp_path: Path):
     """Mitsuba finds nothing by `empty/../a.ply` where there is no folder `empty`."""
     (tmp_path / "empty").mkdir()
