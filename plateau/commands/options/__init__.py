@@ -26,7 +26,6 @@ Scene = Annotated[
     Path,
     typer.Argument(
         callback=_scene,
-        autocompletion=complete.scene_files,
         help="A Mitsuba XML, an analytic scene (JSON), a file of another renderer, a zip, a folder "
         "with one of them, or an example scene: scenes:NAME, where NAME is "
         f"{', '.join(scenes.NAMES)}. A service also takes one where it lies: {{ROOT}}/PATH, in a "
