@@ -13,7 +13,8 @@ import typer
 import typer.main
 
 from plateau.commands import app, meet_extensions
-from plateau.commands.options import rule_options, spec_from_options
+from plateau.commands.options import rule_options
+from plateau.commands.options.spec_options import spec_from_options
 
 meet_extensions()
 

@@ -10,6 +10,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.options.spec_options import Spec, takes_changes, takes_spec
 from plateau.commands.printing import print_one
 from plateau.errors import CommandFailed, tell
 
@@ -20,10 +21,10 @@ _SECRET = "PLATEAU_WEBHOOK_SECRET"
 
 
 @app.command()
-@o.takes_spec()
+@takes_spec()
 def submit(
     scene: o.Scene,
-    spec: o.Spec,
+    spec: Spec,
     each: Annotated[
         list[str] | None,
         typer.Option(
@@ -133,7 +134,7 @@ def _with_notice(spec: "JobSpec", told: Sequence[str]) -> "JobSpec":
 
 
 @app.command()
-@o.takes_changes(but={"shot"})
+@takes_changes(but={"shot"})
 def again(
     job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
 ) -> None:

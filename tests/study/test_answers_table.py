@@ -75,6 +75,7 @@ def test_a_single_scene_is_plotted_too(tmp_path: Path) -> None:
         ("scene,100,many\nbox,1,1\n", "line 1: 'many' is not a number"),
         ("scene,100,200\nbox,1\n", "line 2: the row has 2 values, and the header names 3 columns"),
         ("scene,100,200\nbox,1,1.5\n", r"line 2 \(box\): the probability 1.5 cannot be fitted"),
+        ("scene,100,200\nbox,1,0\n", "fit the single answers instead"),
         ("scene,100,100\nbox,1,0.5\n", "two different spp"),
     ],
 )

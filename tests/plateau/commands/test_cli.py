@@ -11,8 +11,8 @@ import typer
 
 from plateau import scenes
 from plateau.commands import app
-from plateau.commands.options import spec_from_options
 from plateau.commands.options.spec_fields import spec_fields
+from plateau.commands.options.spec_options import spec_from_options
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import PLACES, JobSpec
