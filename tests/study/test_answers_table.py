@@ -9,7 +9,7 @@ import pytest
 import typer
 
 from plateau.study import commands
-from plateau.study.answers_table import CannotFit, fit_table, plot_study
+from plateau.study.answers_table import CannotFit, fit_table
 
 PAPER = Path(__file__).parents[1] / "reference" / "paper"
 TABLE_1 = PAPER / "table1-probability-to-perceive.csv"
@@ -60,13 +60,6 @@ def test_it_is_printed_as_a_table_or_as_json(
     assert len(json.loads(capsys.readouterr().out)) == 9
 
 
-def test_a_single_scene_is_plotted_too(tmp_path: Path) -> None:
-    table = tmp_path / "one.csv"
-    table.write_text("scene,100,200\nbox,0.9,0.2\n")
-    plot_study(fit_table(table), tmp_path / "one.png")
-    assert (tmp_path / "one.png").exists()
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -105,13 +98,6 @@ class TestSingleAnswers:
         [told] = json.loads(capsys.readouterr().out)
         assert (told["a"], told["b"], told["answers"]) == (None, None, 11)
         assert told["threshold_spp"] == told["interval_spp"] == {"0.5": None, "0.1": None}
-
-    def test_that_are_seen_more_often_with_more_samples_have_none(self, tmp_path: Path) -> None:
-        table = trials(tmp_path, "box", [(100, False), (200, True)] * 15)
-        [fitted] = fit_table(table)
-        assert (fitted.threshold(0.5), fitted.interval(0.5)) == (None, None)
-        (told,) = fitted.warnings()
-        assert told.startswith("no fit: observers did not see differences less often at more")
 
     def test_that_do_not_bound_a_threshold_leave_it_open(self, tmp_path: Path) -> None:
         # Given answers that hardly depend on what was shown

@@ -14,7 +14,6 @@ import plateau.errors
 from plateau import ApiError, BadId, Client, ClientError, TimedOut, Unreachable
 from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.versions import plateau as version
 from tests.support.farms.staged_job import StagedJob
 
 
@@ -128,10 +127,6 @@ def test_clients_and_jobs_can_be_pickled(plateau: Client, client: redis.Redis) -
     assert pickle.loads(pickle.dumps(job)) == job
     with pickle.loads(pickle.dumps(Client(plateau.url, patience_s=1.0))) as again:
         assert again.job(job.id) == job
-
-
-def test_the_package_knows_its_version() -> None:
-    assert package.__version__ == version()
 
 
 def test_all_of_its_own_errors_have_one_base() -> None:

@@ -150,13 +150,6 @@ class TestVersions:
         done = CliRunner().invoke(app, ["list", "--url", url])
         assert done.exit_code == ExitCode.INCOMPATIBLE
 
-    @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": versions.plateau()}])
-    def test_but_for_one_of_its_own(
-        self, server: Callable[[Answers], str], headers: dict[str, str]
-    ) -> None:
-        with connect(server(lambda _: (200, _NO_JOBS, headers))) as client:
-            assert client.jobs().jobs == []
-
 
 def test_a_command_waits_for_a_service_that_it_has_heard(
     server: Callable[[Answers], str],

@@ -16,7 +16,6 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.frames import each, from_file
-from plateau.files.packing import pack
 from plateau.terminal.batch_progress import batch_progress_on
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau as command
@@ -89,15 +88,6 @@ class TestTheClient:
         later.start()
         assert plateau.wait_for_batch(batch.name, timeout_s=60).states == {JobState.CONVERGED: 1}
         later.join()
-
-
-def test_a_bundle_has_what_any_of_its_jobs_needs(walk: Path) -> None:
-    def packed(*frames: str) -> set[str]:
-        with pack(walk, *({"frame": frame} for frame in frames)) as bundle:
-            return {path.name for path in bundle.files}
-
-    assert packed("0") == packed("0", "0") == {"scene.xml", "0.ply"}
-    assert packed("0", "2") == {"scene.xml", "0.ply", "2.ply"}
 
 
 class TestLists:

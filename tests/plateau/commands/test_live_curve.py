@@ -10,7 +10,6 @@ import pytest
 import redis
 
 from tests.support.farms.staged_job import StagedJob
-from tests.support.processes.commands import plateau
 from tests.support.processes.terminal import Terminal
 
 DOTS = re.compile("[\u2801-\u28ff]")
@@ -123,15 +122,6 @@ def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path:
         job.finish(200)
         assert terminal.exit_code() == 0
     assert json.loads((tmp_path / "said").read_text())["state"] == "converged"
-
-
-def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
-    job.end()
-    job.finish(200)
-    code, printed, said = plateau("watch", job.id, "--url", api)
-    assert code == 0
-    assert not DOTS.search(printed + said)
-    assert "\x1b" not in printed + said
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:
