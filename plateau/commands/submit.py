@@ -34,13 +34,6 @@ def submit(
             "each combination.",
         ),
     ] = None,
-    zipped: Annotated[
-        bool,
-        typer.Option(
-            "--zipped",
-            help="Combine the values of several --each one by one: the first with the first.",
-        ),
-    ] = False,
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -78,8 +71,6 @@ def submit(
       plateau watch --batch walk -o frames
       plateau submit scene.zip --notify ops --notify https://studio.example/hooks/plateau
     """
-    if zipped and not each:
-        raise typer.BadParameter("--zipped combines the values of --each: give some")
     if same_seeds and not each and parameters is None:
         raise typer.BadParameter("--same-seeds is of many jobs: give --each or --parameters")
     if each and parameters is not None:
@@ -89,7 +80,7 @@ def submit(
         from plateau.files.frames import each as combined
         from plateau.files.frames import from_file
 
-        entries = from_file(parameters) if parameters else combined(each or (), zipped=zipped)
+        entries = from_file(parameters) if parameters else combined(each or ())
         with connect(url) as client:
             batch = client.submit_batch(scene, entries, spec, same_seeds=same_seeds)
         print_one(batch, batch.name, as_json=as_json)

@@ -117,14 +117,6 @@ class TestLists:
             {"a": "2", "b": "y"},
         ]
 
-    def test_of_several_are_zipped(self) -> None:
-        assert each(["a=1..3:2", "b=x,y"], zipped=True) == [
-            {"a": "1", "b": "x"},
-            {"a": "3", "b": "y"},
-        ]
-        with pytest.raises(CommandFailed, match="as many values for each parameter: a has 3, b"):
-            each(["a=1..3", "b=x,y"], zipped=True)
-
     @pytest.mark.parametrize(
         ("definitions", "words"),
         [

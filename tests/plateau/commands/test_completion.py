@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 import redis
-from typer.testing import CliRunner
 
-from plateau.commands import app, main
+from plateau.commands import main
 from plateau.commands.options import complete
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
@@ -133,29 +132,6 @@ def test_names_that_others_choose_bring_nothing_that_a_shell_would_run(
 def test_silence_is_all_that_a_service_that_is_away_costs(offers: Offers) -> None:
     assert offers("show", "") == []
     assert offers("show", "", PLATEAU_URL="not a url") == []
-
-
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_offered_what_each_thing_is(shell: str, run: Run) -> None:
-    assert "cancelled" in "\n".join(run(shell, "plateau", "list", "--state", "ca"))
-    said = "\n".join(run(shell, "plateau", "submit", "a.xml", "--rule", "fi"))
-    assert "fixed" in said
-    assert "Stop at a number of samples" in said
-
-
-@pytest.mark.parametrize(
-    ("shell", "words"),
-    [
-        ("zsh", "compdef _plateau_completion plateau"),
-        ("fish", "complete --command plateau"),
-    ],
-)
-def test_each_shell_gets_its_script(
-    shell: str, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
-    done = CliRunner().invoke(app, ["--show-completion", shell], prog_name="plateau")
-    assert (done.exit_code, words in done.stdout) == (0, True)
 
 
 def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
