@@ -103,9 +103,13 @@ def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch) -> None:
     assert not COLOUR.search(terminal.written)
 
 
-def test_it_is_left_out_where_nobody_wants_it(watch: Watch) -> None:
-    lines = watch("--no-curve").until(lambda lines: any("changed 20 px" in line for line in lines))
-    assert not has_curve(lines)
+def test_it_is_left_out_where_nobody_wants_it(watch: Watch, job: StagedJob) -> None:
+    terminal = watch("--no-curve")
+    terminal.until(lambda lines: any("changed 20 px" in line for line in lines))
+    job.end()
+    job.finish(200)
+    assert terminal.exit_code() == 0
+    assert not has_curve(terminal.lines())
 
 
 def test_a_dumb_terminal_gets_lines(watch: Watch) -> None:
