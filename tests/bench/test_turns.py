@@ -7,7 +7,7 @@ import psutil
 import pytest
 
 from bench import farm
-from bench.support.alone import Case, calls_that_fit
+from bench.support.alone import Case
 from bench.support.processes import take_turns
 from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER
@@ -38,28 +38,11 @@ def test_where_one_fails_none_is_left() -> None:
     assert not psutil.pid_exists(long.pid)
 
 
-def _case(width: int, height: int) -> Case:
-    return Case(
-        scene=FOLDER / "box",
-        width=width,
-        height=height,
-        choice=choose(Settings().cache),
-        threads=1,
-    )
-
-
-def test_a_call_of_the_bare_renderer_fits_memory_and_is_a_third_of_the_image_at_most() -> None:
-    assert calls_that_fit(_case(512, 512), 10_000) == [16, 32, 64, 128, 256]
-    assert calls_that_fit(_case(1920, 1080), 10_000) == [16, 32]
-    assert calls_that_fit(_case(512, 512), 200) == [16, 32, 64]
-    assert calls_that_fit(_case(4096, 4096), 200) == [4]
-    assert calls_that_fit(_case(16384, 16384), 200) == [1]
-
-
 @pytest.mark.timeout(600)
 @pytest.mark.long
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
-    case = _case(32, 24)
+    choice = choose(Settings().cache)
+    case = Case(scene=FOLDER / "box", width=32, height=24, choice=choice, threads=1)
     effort = farm.Effort(pairs=1, seconds=0.1, step=50, rounds=1, samples=2**16, turn_s=0.05)
     head, row = farm.measure(case, effort)["farm"]
     found = dict(zip(head, row, strict=True))
