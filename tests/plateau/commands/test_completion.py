@@ -66,12 +66,6 @@ def offers(run: Run) -> Offers:
     return lambda *words, **environment: run("bash", "plateau", *words, **environment)
 
 
-def test_commands_and_options_are_offered(offers: Offers) -> None:
-    assert {"render", "resume"} <= set(offers("re"))
-    assert offers("prio") == ["priority"]
-    assert {"--out", "--no-curve", "--json"} <= set(offers("watch", "--"))
-
-
 def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
     assert offers("list", "--state", "") == [state.value for state in JobState]
     assert offers("submit", "a.xml", "--rule", "my") == ["myszkowski"]
