@@ -13,7 +13,8 @@ import typer
 import typer.main
 
 from plateau.commands import app, meet_extensions
-from plateau.commands.options import rule_options, spec_from_options
+from plateau.commands.options import rule_options
+from plateau.commands.options.spec_options import spec_from_options
 
 meet_extensions()
 
@@ -79,7 +80,7 @@ _BEGIN: Final = """\
 <!-- Written by `make manual` from the help of the commands. -->
 
 Every command has `--help`. With `--json`, commands print JSON for scripts. `plateau
---install-completion` teaches the shell the names of commands, scenes and jobs.
+--install-completion` teaches the shell the names of commands, rules and jobs.
 
 """
 

@@ -16,7 +16,6 @@ from plateau.commands import keys, sweep, scale, redis_acl  # noqa: F401
 
 # isort: on
 from plateau.commands.app import app
-from plateau.commands.options.bash_completion import completing_in_bash, with_whole_words
 from plateau.extensions import extensions
 from plateau.streams import standard_streams
 
@@ -53,7 +52,4 @@ def _main() -> None:
     gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)  # no last collection: the process frees everything
     meet_extensions("".join(sys.argv[1:2]))
-    if completing_in_bash("_PLATEAU_COMPLETE"):
-        with_whole_words(lambda: app(prog_name="plateau"))
-    else:
-        app(prog_name="plateau")
+    app(prog_name="plateau")

@@ -118,7 +118,10 @@ class OutPattern:
 
 
 def _what_it_shows(job: JobView) -> Mapping[str, object]:
-    """What tells the frame of a job from others; 1 and "1" are one frame, as to Mitsuba."""
+    """What tells the frame of a job from others.
+
+    Parameters are as Mitsuba reads them: 1 and "1" are one frame.
+    """
     return {**job.spec.parameter_strings(), "name": job.name, "sensor": job.spec.sensor}
 
 
