@@ -585,6 +585,7 @@ BAD = [
     Bad("film-size", io.BytesIO(film(integer("width", f"{10**6:030}"))), "1000000×576 pixels"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", f"{9:030}"))), "crop window"),
     Bad("film-size", io.BytesIO(film(integer("crop_width", 0))), "crop_width"),
+    Bad("film-size", io.BytesIO(film(integer("crop_offset_x", -1))), "crop_offset_x"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", 1))), "crop window"),
     Bad(
         "film-size",
