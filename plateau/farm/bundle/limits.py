@@ -24,6 +24,7 @@ CODES = {
     "native-code": "an entry is a shared library, which Mitsuba would load as a plugin",
     "no-sensor": "the scene has no sensor of that index",
     "not-a-scene": "the upload is neither a scene nor a zip that holds one",
+    "old-scene": "the scene is for Mitsuba 0.6 or older, and has what Mitsuba 3 cannot take over",
     "path-escape": "an entry or a reference leaves the bundle",
     "plugin-name": "a plugin's type is a path, not a name",
     "too-large": "the upload is too large",

@@ -50,6 +50,11 @@ class Parameters:
         #: the scene's own defaults, whether overruled or not
         self.defaults: dict[str, str] = {}
 
+    @property
+    def revision(self) -> int:
+        """Changes with the values in effect: at one revision, a text is always replaced alike."""
+        return len(self.defaults)
+
     def add_default(self, name: str, value: str, file: str, line: int) -> None:
         """Take a `<default>`: the first of its name counts, unless the job gives a value."""
         self.defaults.setdefault(name, value)

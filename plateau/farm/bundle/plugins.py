@@ -12,6 +12,29 @@ _IN_PYTHON: Final = (
     "volprim_rf_basic",
 )
 
+#: Plugins of Mitsuba 0.6 that went, and what does their work.
+WAS: Final = {
+    old: new
+    for new, gone in {
+        "hdrfilm": ("ldrfilm", "mfilm", "tiledhdrfilm"),
+        "independent": ("halton", "hammersley", "sobol"),
+        "path": ("adaptive", "bdpt", "erpt", "irrcache", "mlt", "photonmapper", "ppm", "pssmlt"),
+        "volpath": ("volpath_simple", "dipole", "singlescatter"),
+        "aov": ("field", "multichannel"),
+        "principled": ("phong", "ward", "coating", "roughcoating", "irawan", "difftrans"),
+        "blendbsdf": ("mixturebsdf",),
+        "diffuse": ("roughdiffuse",),
+        "sunsky": ("sky", "sun"),
+        "directionalarea": ("collimated",),
+        "perspective": ("perspective_rdist", "spherical", "telecentric"),
+        "checkerboard": ("gridtexture",),
+        "mesh_attribute": ("vertexcolors",),
+        "ply": ("heightfield", "deformable"),
+        "gridvolume": ("hgridvolume",),
+        "sggx": ("kkay", "microflake"),
+    }.items()
+    for old in gone
+}
 #: Longer than the name of any plugin; a search for similar names takes time.
 _LONGEST_PLUGIN: Final = 40
 
@@ -27,5 +50,7 @@ def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
 
 def guess(plugin: str, known: Iterable[str]) -> str:
     """Return a phrase with the known plugin whose name is most like this one; "" if none is."""
+    if plugin in WAS and WAS[plugin] in known:
+        return f", which is of Mitsuba 0.6; use {WAS[plugin]!r}"
     nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
     return f"; did you mean {nearest[0]!r}?" if nearest else ""

@@ -16,8 +16,8 @@ Trials showed where Mitsuba 3.9.1 looks for a file of a scene loaded with `mitsu
 - Mitsuba then looks in its own folder and in the working folder. Neither is the scene's, so here
   the file is missing.
 
-A few kilobytes can include a file, or name one, millions of times. So what is read is counted each
-time, up to a limit.
+A few kilobytes can include a file, or name one, millions of times. So a file that is included
+again with the same parameters and folders is counted and not read, and each name is followed once.
 """
 
 import re
@@ -26,11 +26,12 @@ from dataclasses import dataclass, field
 
 from plateau.farm.bundle.film import Cast, Film, Property, Sensor
 from plateau.farm.bundle.limits import BundleError, BundleLimits, brief, shown
+from plateau.farm.bundle.old_scenes import OldScene
 from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.plugins import guess
 from plateau.farm.bundle.references import References, Role
 from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
-from plateau.farm.bundle.xml import XmlBudget, read_elements
+from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
 _WHOLE = "stokes"
@@ -70,6 +71,7 @@ def read_scene(
     scene = Scene(Parameters(parameters, limits, budget), References(tree, budget))
     walk = _Walk(tree, limits, scene, budget)
     walk.read(entry, (entry[:-1],), including=(), holder=_ROOT)
+    walk.old.check()
     return scene
 
 
@@ -85,6 +87,22 @@ class _Holder:
 _ROOT = _Holder(None, is_stage=True)
 
 
+@dataclass
+class _Reading:
+    """The result of reading an XML file, for the next time that it is included."""
+
+    #: the file, and those that it includes, directly or not
+    files: set[Parts]
+    #: depth of the includes below it
+    height: int = 0
+    cost: XmlCost = NOTHING
+
+    def add(self, included: "_Reading") -> None:
+        """Take in the reading of an included file."""
+        self.files |= included.files
+        self.height = max(self.height, included.height + 1)
+
+
 class _Walk:
     """One reading of a scene, over all of its XML files."""
 
@@ -93,16 +111,50 @@ class _Walk:
         self.limits = limits
         self.scene = scene
         self.budget = budget
+        self.old = OldScene(limits.plugins)
+        #: counts the declarations of sensors and films, which a second reading must repeat
+        self.changes_of_cast = 0
+        #: readings that declared no parameter, sensor or film, by all that they depend on
+        self._known: dict[tuple[Parts, tuple[Parts, ...], int, bool], _Reading] = {}
+
+    def include(
+        self,
+        path: Parts,
+        folders: tuple[Parts, ...],
+        including: tuple[Parts, ...],
+        holder: _Holder,
+        at: tuple[str, int],
+    ) -> _Reading:
+        """Read an included XML file, or count it where a reading would add nothing."""
+        self.budget.spend("includes", 1, *at)
+        key = (path, folders, self.scene.parameters.revision, holder.is_stage)
+        known = self._known.get(key) if holder.owner is None else None
+        if (
+            known is not None
+            # Otherwise a second reading reports what is wrong, and where.
+            and len(including) + known.height < self.limits.max_include_depth
+            and known.files.isdisjoint(including)
+        ):
+            self.budget.spend_again(known.cost, *at)
+            return known
+        changes = self.changes_of_cast
+        reading = self.read(path, folders, including, holder)
+        if (key[2], changes) == (self.scene.parameters.revision, self.changes_of_cast):
+            self._known[key] = reading
+        return reading
 
     def read(
         self, path: Parts, folders: tuple[Parts, ...], including: tuple[Parts, ...], holder: _Holder
-    ) -> None:
+    ) -> _Reading:
         """Read one XML file, with its includes in place."""
+        before = self.budget.spent
         file = _File(self, path, folders, including, holder)
         with self.tree.open(path) as stream:
             read_elements(stream, file.name, self.budget, file.start, file.end)
         if not including:
             self.scene.references.follow_plugin_files(file.folders)
+        file.reading.cost = self.budget.spent - before
+        return file.reading
 
 
 class _File:
@@ -118,11 +170,16 @@ class _File:
     ) -> None:
         self.name = walk.tree.label(path)
         self.folders = folders
+        self.reading = _Reading({path})
         self._walk = walk
         self._path = path
         self._including = including
         self._open = [holder]
         self._plugins: list[str] = []  #: types of the open elements
+        self._is_old = False  #: whether it is for a Mitsuba before 2
+        self._unturned = 0  #: the line of an open emitter without a transform; 0 for none
+        #: where names lead, as long as the folders stay
+        self._followed: dict[tuple[Role, str], Parts] = {}
 
     def start(self, tag: str, raw: dict[str, str], line: int) -> None:
         """Take in an element as it starts, as Mitsuba's parser does: in document order."""
@@ -131,9 +188,14 @@ class _File:
             raise self._refusal("not-a-scene", f"it starts with <{tag[:40]}>, not <scene>", line)
         substitute = self._walk.scene.parameters.substitute
         attributes = {key: substitute(text, self.name, line) for key, text in raw.items()}
-        self._check_plugin(tag, attributes, line)
+        if is_root:
+            self._is_old = self._walk.old.is_old(attributes.get("version", ""))
+        if not self._is_old or not self._walk.old.meet(tag, attributes, self.name, line):
+            self._check_plugin(tag, attributes, line)
         if attributes.get("type") == _WHOLE and tag == "integrator":
             self._walk.scene.is_whole = True
+        if self._is_old:
+            self._unturned = line if tag == "emitter" else self._unturned * (tag != "transform")
         holder = self._open[-1]
         self._open.append(self._enter(tag, attributes, holder, line, is_root=is_root))
         self._plugins.append(attributes.get("type", ""))
@@ -145,7 +207,9 @@ class _File:
                 self._include(attributes.get("filename", ""), holder, line)
             case "path":
                 folder = self._follow("folder", attributes.get("value", ""), line)
-                self.folders = put_first(folder, self.folders)
+                if folder not in self.folders[:1]:
+                    self.folders = put_first(folder, self.folders)
+                    self._followed = {}
             case "spectrum" if "filename" in attributes:
                 self._follow("file", attributes["filename"], line)
             case "string":
@@ -153,6 +217,7 @@ class _File:
             case "ref" if isinstance(holder.owner, Sensor):
                 holder.owner.references.append(attributes.get("id", ""))
             case "alias":
+                self._walk.changes_of_cast += 1
                 aliases = self._walk.scene.cast.aliases
                 aliases[attributes.get("as", "")] = attributes.get("id", "")
         if isinstance(holder.owner, Film) and tag not in _OBJECTS:
@@ -162,7 +227,10 @@ class _File:
     def end(self) -> None:
         """Leave an element."""
         self._open.pop()
-        self._plugins.pop()
+        plugin = self._plugins.pop()
+        if self._unturned and plugin:
+            self._walk.old.without_up(plugin, self.name, self._unturned)
+            self._unturned = 0
 
     def _enter(
         self, tag: str, attributes: dict[str, str], holder: _Holder, line: int, *, is_root: bool
@@ -174,6 +242,7 @@ class _File:
         cast = self._walk.scene.cast
         if tag in ("sensor", "film"):
             self._walk.budget.spend("sensors", 1, self.name, line)
+            self._walk.changes_of_cast += 1
         if tag == "sensor":
             sensor = Sensor()
             if holder.is_stage:
@@ -217,8 +286,7 @@ class _File:
         if len(including) >= most:
             raise self._refusal("include-depth", f"includes are nested more than {most} deep", line)
         folders = (self._path[:-1], *self.folders)
-        self._walk.budget.spend("includes", 1, self.name, line)
-        self._walk.read(path, folders, including, holder)
+        self.reading.add(self._walk.include(path, folders, including, holder, at=(self.name, line)))
 
     def _string(self, name: str, value: str, line: int) -> None:
         if name == "filename":
@@ -236,8 +304,11 @@ class _File:
         return BundleError(code, message, file=self.name, line=line)
 
     def _follow(self, role: Role, text: str, line: int) -> Parts:
-        """Follow a name that is looked up at its line."""
-        # An `<include>` and a `<path>` look in the file's own folder first.
-        own = () if role == "file" else (self._path[:-1],)
-        follow = self._walk.scene.references.follow
-        return follow(role, (*own, *self.folders), text, self.name, line)
+        """Follow a name that is looked up at its line, once while the folders stay."""
+        if (role, text) not in self._followed:
+            # An `<include>` and a `<path>` look in the file's own folder first.
+            own = () if role == "file" else (self._path[:-1],)
+            folders = (*own, *self.folders)
+            follow = self._walk.scene.references.follow
+            self._followed[role, text] = follow(role, folders, text, self.name, line)
+        return self._followed[role, text]

@@ -8,7 +8,7 @@ types, entities, other encodings than UTF-8, and anything not well-formed.
 import codecs
 import re
 from collections.abc import Callable
-from typing import IO, Final, Literal
+from typing import IO, Final, Literal, NamedTuple
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
 from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
@@ -62,11 +62,26 @@ class BudgetSpent(BundleError):
         super().__init__("xml-too-large", message, file=file, line=line)
 
 
+class XmlCost(NamedTuple):
+    """The cost to Mitsuba of reading an XML file, with all that the file includes."""
+
+    bytes: int
+    elements: int
+    includes: int  #: files, the file itself left out
+
+    def __sub__(self, before: "XmlCost") -> "XmlCost":
+        return XmlCost(*(now - then for now, then in zip(self, before, strict=True)))
+
+
+NOTHING = XmlCost(0, 0, 0)
+
+
 class XmlBudget:
     """How much may still be spent on reading one scene.
 
     A file is counted each time that it is included: nested includes can multiply a small bundle
-    without end.
+    without end. A file that need not be read again is counted, too (`spend_again`): Mitsuba will
+    read it.
     """
 
     def __init__(self, limits: BundleLimits) -> None:
@@ -74,6 +89,18 @@ class XmlBudget:
         self.max_tag_bytes = limits.max_tag_bytes
         self._most = {what: getattr(limits, f"max_{what}") for what in _TOO_MUCH}
         self._spent = dict.fromkeys(_TOO_MUCH, 0)
+
+    @property
+    def spent(self) -> XmlCost:
+        """What was spent so far that Mitsuba will spend, too."""
+        spent = self._spent
+        return XmlCost(spent["xml_bytes"], spent["xml_elements"], spent["includes"])
+
+    def spend_again(self, cost: XmlCost, file: str, line: int) -> None:
+        """Count a file that was read before; `BudgetSpent` where that is too much."""
+        self.spend("xml_bytes", cost.bytes, file)
+        self.spend("xml_elements", cost.elements, file, line)
+        self.spend("includes", cost.includes, file, line)
 
     def spend(self, what: Spending, count: int, file: str, line: int | None = None) -> None:
         """Count `count` more; `BudgetSpent` where that is too many."""

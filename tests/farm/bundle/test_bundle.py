@@ -9,6 +9,7 @@ import stat
 import struct
 import tracemalloc
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -179,12 +180,37 @@ def entry(name: str | zipfile.ZipInfo, content: bytes = b"") -> io.BytesIO:
     return zipped({"scene.xml": scene(), name: content})
 
 
+OLD = b"""<scene version="0.6.0"><integrator type="path"><integer name="maxDepth" value="8"/>\
+</integrator>
+<sensor type="perspective"><transform name="toWorld"><lookAt origin="0,0,5"/></transform>
+<film type="ldrfilm"><string name="toneMappingMethod" value="gamma"/></film></sensor>
+<bsdf type="ward"/><bsdf type="diffuse"><spectrum name="reflectance" value="0.1, 0.2, 0.3"/></bsdf>
+<emitter type="constant"><spectrum name="radiance" value="400:1, 700:2"/></emitter>
+<emitter type="sunsky"><transform name="toWorld"/></emitter><emitter type="sunsky"/></scene>"""
+OLD_LISTED = (
+    "Mitsuba '0.6.0'.*Change: line 2, <lookAt>: write <lookat>; line 3, 'ldrfilm': use hdrfilm; "
+    "line 3, 'toneMappingMethod': delete it; line 4, 'ward': use principled; "
+    "line 4, <spectrum> with three numbers: write <rgb>; line 6, sunsky: put <rotate.*y$"
+)
+
+
 def binary_ply(order: str, *faces: tuple[int, ...]) -> bytes:
     kind = {"<": "little", ">": "big"}[order]
     header = PLY.partition(b"0 0 0")[0].replace(b"ascii", f"binary_{kind}_endian".encode())
     header = header.replace(b"face 1", f"face {len(faces)}".encode())
     corners = [struct.pack(f"{order}B{len(one)}i", len(one), *one) for one in faces]
     return header + struct.pack(f"{order}9f", *range(9)) + b"".join(corners)
+
+
+def serialized(vertex: int) -> bytes:
+    mesh = struct.pack("<I5sQQ9f3I", 0x1000, b"mesh", 3, 1, *range(9), 0, 1, vertex)
+    return struct.pack("<HH", 0x041C, 4) + zlib.compress(mesh) + struct.pack("<QI", 0, 1)
+
+
+def openexr(*channels: str) -> bytes:
+    listed = b"".join(one.encode() + b"\0" + bytes(16) for one in channels) + b"\0"
+    header = b"channels\0chlist\0" + struct.pack("<I", len(listed)) + listed
+    return b"\x76\x2f\x31\x01\2\0\0\0" + header + b"\0"
 
 
 def forged(**changes: object) -> io.BytesIO:
@@ -289,6 +315,7 @@ TEXTURE = '<default name="texture" value="a.ply"/>'
 ENTITY = b'<!DOCTYPE scene [<!ENTITY x "y">]>'
 MESH = {"a.ply": PLY}
 TEXTURE_OF = '<texture type="bitmap"><string name="filename" value="wood"/></texture>'
+SERIALIZED = '<shape type="serialized"><string name="filename" value="a"/></shape>'
 
 BAD = [
     # The upload
@@ -396,7 +423,7 @@ BAD = [
     Bad("xml-too-large", xml(*many_attributes(2**17)), "a tag, or text, of", "scene.xml"),
     Bad("xml-too-large", wide(12, 2), "counted every", kwargs=limits(max_xml_elements=999)),
     Bad("xml-too-large", wide(12, 2), "counted every", kwargs=limits(max_xml_bytes=9999)),
-    Bad("xml-too-large", wide(2, 40), "includes more than 1000 files", "1.xml"),
+    Bad("xml-too-large", wide(2, 40), "includes more than 1000 files", "scene.xml", 26),
     Bad("xml-too-large", sensors(20, 60), "1000 sensors and films", "sensors.xml"),
     Bad("xml-too-large", xml("<film/>" * 1001), "1000 sensors and films", "scene.xml", 2),
     Bad("xml-too-large", names(99), "98 different names", kwargs=limits(max_references=98)),
@@ -459,6 +486,7 @@ BAD = [
             binary_ply(">", (0, 1, 2), (0, 70_000, 2)): "face 1 names vertex 70000",
             binary_ply("<", (0, 1, 2), (0, 1, 2, 1)): r"4 corners \(face 1\).* triangulate",
             PLY[:-8] + b"4 0 1 2 1": "4 corners",
+            binary_ply("<", (0, 1, 2))[:-1]: "cut short: it has 0 of 1 faces",
             b"": "is empty",
             b"<html>404</html>": "is a web page",
             b"version https://git-lfs.github.com/spec/v1\n": "git lfs pull",
@@ -470,14 +498,36 @@ BAD = [
         for bad, says in {
             b"RIFF\0\0\0\0WEBP": "'wood' is a WebP image, which Mitsuba cannot read: convert",
             b"II*\0": "a TIFF image",
-            b"ply\n": "a PLY mesh, which",
+            b"\xff\xd8\xff\xc1\0\x11\x0c": "12 bits",
+            b"\xff\xd8\xff\xe0\0\x02\xff\xc0\0\x14\x08\0\1\0\1\4": "4 channels",
+            b"\xff\xd8\xff\xe0\1\0": "cut short",
+            b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR": "cut short",
+            openexr("Z"): "channels 'Z'",
+            openexr("A", "B", "G", "R", "Z"): "channels 'A, B, G, R, Z'",
+            openexr("left.A", "left.B", "left.G", "left.R"): "channels 'left.A, left",
         }.items()
+    ),
+    Bad(
+        "unreadable-file",
+        zipped(
+            {
+                "scene.xml": scene(
+                    TEXTURE_OF.replace("texture", "emitter").replace("bitmap", "envmap")
+                ),
+                "wood": openexr("d.B", "d.G", "d.R"),
+            }
+        ),
+        "channels 'd.B, d.G, d.R'",
+    ),
+    Bad(
+        "unreadable-file", zipped({"scene.xml": scene(SERIALIZED), "a": serialized(9)}), "vertex 9"
     ),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a.ply/../a.ply")), **MESH}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a")), "a/b": b""}), "not a file"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("./" * 3000 + "a.ply")), **MESH}), "…"),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>'), "a": b""}), "not a fold"),
     Bad("missing-file", xml('<spectrum name="x" filename="a.spd"/>'), "a.spd", "scene.xml", 2),
+    Bad("old-scene", io.BytesIO(OLD), OLD_LISTED, "scene.xml", 2),
     Bad("path-escape", xml(mesh("../a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("C:/a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("\\\\host\\a.ply")), "leads out of", "scene.xml", 2),
@@ -630,12 +680,45 @@ def test_a_scene_deeper_than_any_include_still_loads_at_the_limit():
     assert inspect_bundle(chain(13)).files == 15
 
 
+class CountingStream(io.BytesIO):
+    """An upload that knows how many bytes of it were read."""
+
+    read_bytes = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        content = super().read(size)
+        self.read_bytes += len(content)
+        return content
+
+
+def test_a_file_that_is_included_again_is_not_read_again():
+    once, often = (
+        CountingStream(
+            zipped(
+                {
+                    "scene.xml": scene(*[include("a.xml")] * times),
+                    "a.xml": scene(*[include("b.xml")] * 20, sensor=""),
+                    "b.xml": scene(mesh("a.ply"), sensor=""),
+                    **MESH,
+                },
+                zipfile.ZIP_STORED,
+            ).getvalue()
+        )
+        for times in (1, 40)
+    )
+    inspect_bundle(once)
+    inspect_bundle(often)
+    longer_bytes = 39 * len(include("a.xml") + "\n")
+    # Once to find the scene, once to read it, and a directory has the same entries
+    assert often.read_bytes - once.read_bytes <= 3 * longer_bytes
+
+
 @pytest.mark.parametrize("what", [mesh("a.ply"), '<spectrum name="x" filename="a.ply"/>'])
 def test_a_name_that_is_met_again_takes_no_memory(what: str):
-    """Given 20,000 names of one file."""
+    """Given 724 bytes with 200,000 names of one file, of which 124 MB were made before."""
     upload = zipped(
         {
-            "scene.xml": scene(*[include("a.xml")] * 20),
+            "scene.xml": scene(*[include("a.xml")] * 200),
             "a.xml": scene(*[what] * 1000, sensor=""),
             **MESH,
         }
@@ -647,6 +730,32 @@ def test_a_name_that_is_met_again_takes_no_memory(what: str):
     finally:
         tracemalloc.stop()
     assert peak_bytes < 4 * 2**20
+
+
+def test_a_file_that_is_included_again_is_read_again_where_that_tells_more():
+    """Given a default that the first reading leaves, and a sensor, it says other things then."""
+    found = inspect_bundle(
+        zipped(
+            {
+                "scene.xml": scene(*[include("a.xml")] * 3, sensor=""),
+                "a.xml": scene(mesh("$m.ply"), '<default name="n" value="1"/>'),
+                "b.xml": scene('<default name="m" value="a"/>', include("scene.xml"), sensor=""),
+                **MESH,
+            }
+        )
+    )
+    assert (found.entry, found.sensors) == ("b.xml", 3)
+
+
+def test_a_file_that_is_included_again_further_down_may_be_too_deep():
+    """Given a chain that fits from the scene itself, it does not fit below another chain."""
+    links = {f"{n}.xml": scene(include(f"{n + 1}.xml"), sensor="") for n in range(10)}
+    down = {f"d{n}.xml": scene(include(f"d{n + 1}.xml"), sensor="") for n in range(8)}
+    files = {**links, "10.xml": scene(sensor=""), **down}
+    files["d8.xml"] = scene(include("0.xml"), sensor="")
+    with pytest.raises(BundleError, match="more than 15 deep"):
+        inspect_bundle(zipped({"scene.xml": scene(include("0.xml"), include("d0.xml")), **files}))
+    assert inspect_bundle(zipped({"scene.xml": scene(include("0.xml")), **files})).files == 21
 
 
 def test_an_archive_is_not_read_into_memory(tmp_path: Path):
