@@ -120,8 +120,6 @@ function Job.end_with(id, target, ended_by, reason, failed_slice)
   Job.withdraw(id)
   redis.call('DEL', job_key(id, 'deaths'))
   redis.call('ZREM', OPEN, id)
-  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
-  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
   local party = redis.call('HGET', job_key(id), 'party')
   if party then redis.call('SREM', api_key_key(party, 'open'), id) end
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)

@@ -20,7 +20,6 @@ from plateau.farm.model.errors import (
     JobNotFound,
     StoreUnavailable,
     TooManyJobs,
-    TooManyNeeds,
     UnreadableJob,
     WorkerNotFound,
 )
@@ -47,7 +46,6 @@ _AS_THEY_ARE: Final[dict[type[Exception], ProblemType]] = {
     WorkerNotFound: problems.UNKNOWN_WORKER,
     SpoiledBlob: problems.SPOILED_FILE,
     TooManyJobs: problems.TOO_MANY_JOBS,
-    TooManyNeeds: problems.TOO_MANY_NEEDS,
     CannotFollow: problems.CANNOT_FOLLOW,
 }
 
