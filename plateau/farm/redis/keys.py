@@ -38,8 +38,7 @@ plateau:workers           zset    worker id, scored by last heartbeat (ms)      
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
                                   for slices with which it was lost, ``left_out`` of jobs
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
-plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
-                                  totals
+plateau:monitor:ID        hash    the number of its ``jobs``                           1 h
 plateau:totals            hash    counters of the whole farm; see `ledger.totals`      for ever
 plateau:heard             hash    ``at``: time of the last heartbeat of any worker (ms);  for ever
                                   ``spared_till``: until when no lease is taken from it

@@ -43,7 +43,7 @@ _NAMESPACES: Final = {
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
     *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "notices"),
-    *("members", "api_keys", "census", "troubles"),
+    *("members", "api_keys", "troubles"),
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")

@@ -18,8 +18,8 @@ from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.shots import Shots
-from plateau.farm.ledger.totals import MonitorWork, note_sweep
-from plateau.farm.ledger.workers import Workers
+from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.ledger.workers import MonitorLife, Workers
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.job import utc_now
 from plateau.farm.model.shot import FrameAnswer, FrameWait, ShotLook
@@ -361,9 +361,8 @@ def _(world: World) -> Callable[[], object]:
 
 @case("monitor_heartbeat")
 def _(world: World) -> Callable[[], object]:
-    work = MonitorWork(world.lossy, "monitor-1", LEASE_S)
-    work.merges.note(0.1)
-    return lambda: work.heartbeat(3)
+    life = MonitorLife(world.lossy, "monitor-1", LEASE_S)
+    return lambda: life.heartbeat(3)
 
 
 @case("settle_notice: delivered", again=True)
