@@ -42,7 +42,7 @@ _NAMESPACES: Final = {
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
-    *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "notices"),
+    *("jobs", "deletions", "owners", "shots", "scenes", "sweeps", "notices"),
     *("members", "api_keys", "troubles"),
 )
 

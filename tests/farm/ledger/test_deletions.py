@@ -16,7 +16,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.support.farms.staged_job import StagedJob
 
-LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=100)
+LIMITS = KeyLimits(upload_bytes=1, open_jobs=100)
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ from tests.support.farms.receiver import SECRET
 from tests.support.redis.redis_commands import named
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
-LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
+LIMITS = KeyLimits(upload_bytes=1, open_jobs=10)
 NOTICE = {"url": "https://studio.example/hook", "secret": SECRET}
 
 

@@ -164,7 +164,7 @@ def test_the_administrator_ends_a_script_that_does_not_end(
 
 def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     # Given a job of Anna's, one of nobody's, and a worker that is Bert's
-    limits = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=None, open_jobs=None)
+    limits = KeyLimits()
     api_keys = ApiKeys(login("admin"))
     anna, bert = (api_keys.create(name, Role.SUBMITTER, limits)[0].id for name in ("anna", "bert"))
     jobs = Jobs(login("api"))

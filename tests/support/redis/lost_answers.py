@@ -7,7 +7,6 @@ from typing import Any, Final
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.continuation import Continuations
@@ -59,7 +58,7 @@ class World:
 
     def __init__(self, direct: redis.Redis, lossy: redis.Redis) -> None:
         self.direct, self.lossy = direct, lossy
-        self.jobs, self.outbox, self.allowance = Jobs(lossy), Outbox(lossy), Allowance(lossy)
+        self.jobs, self.outbox = Jobs(lossy), Outbox(lossy)
         self.workers, self.keys = Workers(lossy), ApiKeys(lossy)
         self.owners = Ownerships(lossy, LEASE_S)
         self.queue = SliceQueue(lossy, WORKER, LEASE_S)
@@ -111,11 +110,8 @@ class World:
     def acquire(self, job: str, lease_s: float) -> Ownership | None:
         return Ownerships(self.lossy, lease_s).acquire(job)
 
-    def api_key(self, burst: int) -> ApiKey:
-        limits = KeyLimits(
-            requests_per_minute=burst, burst=burst, upload_bytes=None, open_jobs=None
-        )
-        return ApiKeys(self.direct).create("a key", Role.SUBMITTER, limits)[0]
+    def api_key(self) -> ApiKey:
+        return ApiKeys(self.direct).create("a key", Role.SUBMITTER, KeyLimits())[0]
 
 
 CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
@@ -534,14 +530,20 @@ def _(world: World) -> Callable[[], object]:
 @case("put_key: of another's making", lambda key: key.usable, answers_before=1)
 def _(world: World) -> Callable[[], object]:
     shown = f"plateau_{'a' * 12}_{'b' * 64}"
-    limits = world.api_key(burst=1).limits
+    limits = world.api_key().limits
     return lambda: world.keys.admit(shown, "a key", Role.VIEWER, limits)
 
 
 @case("put_key: revoked", lambda key: not key.usable, answers_before=2)
 def _(world: World) -> Callable[[], object]:
-    key = world.api_key(burst=1)
+    key = world.api_key()
     return lambda: world.keys.revoke(key.id)
+
+
+@case("note_use", writes_only_times=True)
+def _(world: World) -> Callable[[], object]:
+    key = world.api_key()
+    return lambda: world.keys.note_use(key)
 
 
 @case("drain")

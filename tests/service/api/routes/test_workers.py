@@ -13,7 +13,7 @@ from plateau.farm.wire.examples import SCENE_XML
 from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
 
-LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
+LIMITS = KeyLimits()
 
 
 @pytest.fixture
