@@ -55,36 +55,7 @@ class Jobs(JobReads):
 
     def create(
         self,
-        spec: JobSpec,
-        *,
-        name: str,
-        scene_sha256: str,
-        idempotency_key: str = "",
-        digest: str = "",
-        owner: str = "",
-    ) -> Created:
-        """Create a job, `queued`; the same idempotency key of the same owner creates it once.
-
-        Raises
-        ------
-        TooManyJobs
-            Its owner, an API key's id, has as many open jobs as it may.
-        CannotFollow
-            A job or batch of `spec.after` is unknown, or has not ended well.
-        """
-        return self.create_all(
-            [spec],
-            name=name,
-            scene_sha256=scene_sha256,
-            idempotency_key=idempotency_key,
-            digest=digest,
-            owner=owner,
-        )
-
-    def create_all(
-        self,
-        specs: list[JobSpec],
-        *,
+        *specs: JobSpec,
         name: str,
         scene_sha256: str,
         idempotency_key: str = "",
@@ -93,9 +64,17 @@ class Jobs(JobReads):
         notes: tuple[str, ...] = (),
         again: Again | None = None,
     ) -> Created:
-        """As `create`, for each spec, all or none; returns the first job.
+        """Create a job for each spec, `queued`, all or none; returns the first one.
 
-        The specs differ only in their parameters; `notes` say what of them was changed.
+        The same idempotency key of the same owner creates them once. The specs differ only in their
+        parameters; `notes` say what of them was changed.
+
+        Raises
+        ------
+        TooManyJobs
+            Its owner, an API key's id, has as many open jobs as it may.
+        CannotFollow
+            A job or batch of `spec.after` is unknown, or has not ended well.
         """
         jobs = tuple(
             records.new_job(

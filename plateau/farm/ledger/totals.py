@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Any, Final
 
 from plateau.farm.ledger import records
+from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.fit import ANY, WorkerClass
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.states import JobState
@@ -129,13 +130,8 @@ class Census:
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))
 
 
-def take_census(
-    client: RedisClient, within_s: float = 15.0, *, from_priority: int | None = None
-) -> Census:
-    """Count the farm; workers without a heartbeat for `within_s` are left out.
-
-    Jobs of a priority below `from_priority` are counted, but are no demand.
-    """
+def take_census(client: RedisClient, *, from_priority: int | None = None) -> Census:
+    """Count the farm; jobs of a priority below `from_priority` are counted, but are no demand."""
     with unavailable_as_farm_error():
         pipe = client.pipeline(transaction=True)
         pipe.time()
@@ -148,7 +144,7 @@ def take_census(
         pipe.hgetall(keys.TOTALS)
         (seconds, us), job_ids, seen, due, receivers, stored, created, counted = pipe.execute()
         now_ms = int(seconds) * 1000 + int(us) / 1000
-        workers = [worker for worker, at in seen if at >= now_ms - within_s * 1000]
+        workers = [worker for worker, at in seen if at >= now_ms - ALIVE_S * 1000]
         monitors = [monitor for monitor, overdue in due if overdue >= now_ms]
         pipe = client.pipeline(transaction=False)
         for worker in workers:

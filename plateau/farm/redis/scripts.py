@@ -105,11 +105,6 @@ def text(more: str = "") -> str:
     )
 
 
-def commands(whose: str = "workers|farm", more: str = "") -> set[str]:
-    """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
-    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(more), re.MULTILINE))
-
-
 @contextmanager
 def _answers_as_farm_errors() -> Iterator[None]:
     """Raise `Incompatible` where the script answers so.

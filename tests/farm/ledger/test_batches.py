@@ -36,7 +36,7 @@ def batches(client: redis.Redis) -> Batches:
 def create(jobs: Jobs, count: int = 3, batch: str = "b", **spec: Any) -> list[str]:
     """The ids of the jobs of a list, in its order."""
     asked = BatchSpec(parameters=[{"frame": frame} for frame in range(count)], **spec)
-    made = jobs.create_all(asked.job_specs(batch), name="box", scene_sha256="00")
+    made = jobs.create(*asked.job_specs(batch), name="box", scene_sha256="00")
     assert not made.repeated
     found, _ = jobs.search(batch=batch, limit=1000)
     ids = [job.id for job in found][::-1]
@@ -66,7 +66,7 @@ class TestAList:
         def make(digest: str) -> Created:
             specs = BatchSpec(parameters=[{"a": 1}, {"a": 2}]).job_specs("b")
             given = {"name": "box", "scene_sha256": "00", "idempotency_key": "k"}
-            return jobs.create_all(specs, **given, digest=digest)
+            return jobs.create(*specs, **given, digest=digest)
 
         first = make("1")
         again, other = make("1"), make("2")

@@ -4,7 +4,6 @@ import pytest
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.ledger.queue import Committed
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
@@ -65,8 +64,8 @@ def test_a_commit_enters_the_ledger_once(farm: LedgerFarm) -> None:
     held = lease(worker)
     # When the answer to a commit was lost and it is sent again
     assert [commit(worker, held), commit(worker, held)] == [
-        Committed.COMMITTED,
-        Committed.COMMITTED,
+        "committed",
+        "committed",
     ]
     # Then the ledger has the slice once, and its machine time once
     after = farm.jobs.get(job.id)
@@ -86,8 +85,8 @@ def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: LedgerFarm) ->
     # The zombie comes back: its heartbeat says that the slice is not its own any more
     assert slow.heartbeat({}, (first,)) == (first,)
     # A slice is the same from both, so whoever commits it first has done it
-    assert commit(slow, first) is Committed.COMMITTED
-    assert commit(quick, second, blob="another") is Committed.DUPLICATE
+    assert commit(slow, first) == "committed"
+    assert commit(quick, second, blob="another") == "duplicate"
     assert quick.heartbeat({}, (second,)) == (second,)
 
 
@@ -119,7 +118,7 @@ def test_a_slice_that_was_committed_late_is_not_rendered_again(farm: LedgerFarm)
     assert farm.owners.reject(owned, record, "spoiled") == 1
     assert farm.owners.reject(owned, record, "spoiled") == 0  # the answer was lost: no harm
     assert farm.jobs.get(job.id).committed_spp == 0
-    assert commit(slow, late, blob="again") is Committed.COMMITTED
+    assert commit(slow, late, blob="again") == "committed"
     # Then nobody gets it any more
     assert quick.lease(VARIANTS, None, in_turn=False) is None
     assert farm.client.xlen(keys.job(job.id, "slices")) == 0
@@ -138,7 +137,7 @@ def test_heartbeats_keep_a_lease(farm: LedgerFarm) -> None:
         farm.runs_out(held)
         assert worker.heartbeat({}, (held,)) == ()
         assert other.lease(VARIANTS, None, in_turn=False) is None
-    assert commit(worker, held) is Committed.COMMITTED
+    assert commit(worker, held) == "committed"
 
 
 def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: LedgerFarm) -> None:
@@ -218,10 +217,10 @@ def test_overlapping_seeds_are_refused(farm: LedgerFarm) -> None:
     farm.job()
     worker = farm.worker("w")
     first, second = lease(worker), lease(worker)
-    assert commit(worker, first, first_seed=10) is Committed.COMMITTED
-    assert commit(worker, second, first_seed=8) is Committed.OVERLAP
-    assert commit(worker, second, first_seed=12) is Committed.OVERLAP
-    assert commit(worker, second, first_seed=13) is Committed.COMMITTED
+    assert commit(worker, first, first_seed=10) == "committed"
+    assert commit(worker, second, first_seed=8) == "overlap"
+    assert commit(worker, second, first_seed=12) == "overlap"
+    assert commit(worker, second, first_seed=13) == "committed"
 
 
 def test_cancelling_withdraws_everything_at_once(farm: LedgerFarm) -> None:
@@ -233,7 +232,7 @@ def test_cancelling_withdraws_everything_at_once(farm: LedgerFarm) -> None:
     assert not farm.client.exists(keys.job(job.id, "slices"))
     assert worker.lease(VARIANTS, None, in_turn=False) is None
     assert worker.heartbeat({}, (held,)) == (held,)
-    assert commit(worker, held) is Committed.ENDED
+    assert commit(worker, held) == "ended"
     farm.owners.plan(owned, range(8))
     assert not farm.client.exists(keys.job(job.id, "slices"))
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.ledger.queue import Committed
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import WorkerNotFound
 from tests.support.farms.noise_farm import NoiseFarm
@@ -48,7 +47,7 @@ def test_a_drained_worker_finishes_what_it_has_and_takes_no_more(
         # Then there is nothing for it, it says so, and what it has in hand counts
         assert farm.lease() is None
         assert [one.drained for one in Workers(farm.client).living()] == [True]
-        assert farm.commit(lease) is Committed.COMMITTED
+        assert farm.commit(lease) == "committed"
         # A heartbeat does not forget it
         farm.queue.heartbeat(about("noise"), ())
         assert farm.lease() is None

@@ -13,7 +13,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable
 from plateau.farm.model.place_names import DEFAULT_POOL
@@ -25,12 +25,12 @@ from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts, commands
+from plateau.farm.redis.scripts import Scripts
 from plateau.farm.redis.wake import Wake
 from tests.support.farms import ledger_farm
 from tests.support.farms.ledger_farm import VARIANTS, lease, runs_out
 from tests.support.farms.receiver import SECRET
-from tests.support.redis.redis_commands import named
+from tests.support.redis.redis_commands import commands, named
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
 LIMITS = KeyLimits(upload_bytes=1, open_jobs=10)
@@ -44,7 +44,7 @@ def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
         yield login
 
 
-def commit(worker: SliceQueue, held: Lease, blob: str = "") -> Committed:
+def commit(worker: SliceQueue, held: Lease, blob: str = "") -> str:
     return ledger_farm.commit(worker, held, said="words", blob=blob or f"partial-{held.index}")
 
 
@@ -79,16 +79,16 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     held = lease(worker)
     assert worker.heartbeat(about("w"), (held,)) == ()
     assert worker.glimpse(held, blobs.glimpse(first, "w"))
-    assert commit(worker, held) is Committed.COMMITTED
-    assert commit(worker, held) is Committed.COMMITTED
-    assert commit(worker, held, "another") is Committed.DUPLICATE
+    assert commit(worker, held) == "committed"
+    assert commit(worker, held) == "committed"
+    assert commit(worker, held, "another") == "duplicate"
     # And gives some back, lets one run out, and finds one that it has tried already
     worker.hand_back(lease(worker, first, in_turn=True), 0.1, cause="it stops", said="words")
     lost = lease(worker)
     runs_out(client, lost)
     taken = lease(other)
     assert taken.index == lost.index
-    assert commit(worker, lost) is Committed.COMMITTED
+    assert commit(worker, lost) == "committed"
     assert worker.ended(first) is False
     # And one kills every worker, so that its job fails; the first is then left out of it
     second = job(priority=5)

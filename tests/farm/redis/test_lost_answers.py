@@ -15,9 +15,9 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.farm.redis.scripts import commands
 from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.redis.lost_answers import CASES, NOTICE, REPEATS_DIFFER, World, written_by
+from tests.support.redis.redis_commands import commands
 
 #: What differs by the time that passes between two looks.
 _CLOCKS: Final = {"seen_at", "at", "swept at", "next_sweep_at"}

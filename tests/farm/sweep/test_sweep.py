@@ -22,7 +22,7 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.errors import FenceLost, JobNotFound, StoreUnavailable, WrongStore
 from plateau.farm.model.spec import JobSpec
@@ -236,7 +236,7 @@ class TestFinishedJobs:
         # If it commits, complains, or gives it back
         queue = SliceQueue(client, "worker-1", 60)
         answer = queue.commit(lease, record, width=32, height=24, notes=(), said="words")
-        assert answer is Committed.ENDED
+        assert answer == "ended"
         queue.died(lease, "killed", 1.0, "words")
         queue.hand_back(lease)
         queue.fail(lease, "not my fault")

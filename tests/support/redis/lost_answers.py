@@ -14,7 +14,7 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import note_sweep
@@ -89,7 +89,7 @@ class World:
     def committed(self, **spec: Any) -> Lease:
         """A slice that was committed by the worker."""
         lease = self.leased(**spec)
-        assert commit(SliceQueue(self.direct, WORKER, LEASE_S), lease) is Committed.COMMITTED
+        assert commit(SliceQueue(self.direct, WORKER, LEASE_S), lease) == "committed"
         return lease
 
     def finished(self, **spec: Any) -> str:
@@ -119,7 +119,7 @@ CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
 
 def commit(
     queue: SliceQueue, lease: Lease, blob: str = "a partial", seeds: tuple[int, int] | None = None
-) -> Committed:
+) -> str:
     first, last = seeds or (lease.index * 10, lease.index * 10 + 9)
     record = SliceRecord(
         index=lease.index,
@@ -176,32 +176,32 @@ def is_anything(_: object) -> bool:
 # What workers write.
 
 
-@case("commit", Committed.COMMITTED)
+@case("commit", "committed")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
     return lambda: commit(world.queue, lease)
 
 
-@case("commit: another was first", Committed.DUPLICATE)
+@case("commit: another was first", "duplicate")
 def _(world: World) -> Callable[[], object]:
     lease = world.committed()
     return lambda: commit(world.queue, lease, "another partial")
 
 
-@case("commit: the job has ended", Committed.ENDED)
+@case("commit: the job has ended", "ended")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
     Jobs(world.direct).cancel(lease.job_id)
     return lambda: commit(world.queue, lease)
 
 
-@case("commit: of another variant", Committed.STALE)
+@case("commit: of another variant", "stale")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
     return lambda: commit(world.queue, replace(lease, variant="llvm_ad_rgb"))
 
 
-@case("commit: of seeds that were used", Committed.OVERLAP)
+@case("commit: of seeds that were used", "overlap")
 def _(world: World) -> Callable[[], object]:
     world.committed()
     found = SliceQueue(world.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
@@ -315,7 +315,7 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     asked = {**SPEC, "batch": "walk", "shot": {"fps": 24}, "parameters": [{"frame": 0}] * 2}
     specs = BatchSpec.model_validate(asked).job_specs("walk")
-    Jobs(world.direct).create_all(specs, name="walk", scene_sha256="00")
+    Jobs(world.direct).create(*specs, name="walk", scene_sha256="00")
     record = Batches(world.direct).shot("walk")
     assert record is not None
     first, last = (frame.job_id for frame in record.frames)

@@ -35,11 +35,9 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     if len(needs) > MOST_TAGS:
         raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
     specs = _job_specs(asked.spec, called)
-    return farm.jobs.create_all(
-        [
-            one.model_copy(update={"variant": variant, "requires": tuple(sorted(needs))})
-            for one in specs
-        ],
+    update = {"variant": variant, "requires": tuple(sorted(needs))}
+    return farm.jobs.create(
+        *(one.model_copy(update=update) for one in specs),
         name=asked.spec.name or called,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,

@@ -292,7 +292,7 @@ def test_its_first_frame_is_done_long_before_its_last_begins(
         max_spp=100,
         rule={"name": "fixed", "spp": 100},
     )
-    farm.jobs.create_all(spec.job_specs("walk"), name="noise", scene_sha256="00")
+    farm.jobs.create(*spec.job_specs("walk"), name="noise", scene_sha256="00")
     deadline = time.monotonic() + 120
     begun: set[str] = set()
     with farm.monitor():
