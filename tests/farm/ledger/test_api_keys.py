@@ -11,7 +11,7 @@ import redis
 
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.errors import StoreUnavailable, TooManyJobs, UnknownKey
+from plateau.farm.model.errors import StoreUnavailable, UnknownKey
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys as names
 from plateau.farm.redis.link import connect
@@ -32,18 +32,14 @@ class TestAKey:
         assert len(shown.rpartition("_")[2]) == 64  # 256 bits
 
     def test_is_not_stored(self, keys: ApiKeys, client: redis.Redis) -> None:
-        _, shown = keys.create("me", Role.ADMIN, KeyLimits())
+        made, shown = keys.create("me", Role.ADMIN, KeyLimits())
         secret = shown.rpartition("_")[2]
+        assert made.sha256 not in repr(made)
         for key in client.keys("*"):
             assert secret not in str(client.dump(key))
         [stored] = client.hvals(names.API_KEYS)
         assert secret not in stored
         assert json.loads(stored)["sha256"] == hashlib.sha256(secret.encode()).hexdigest()
-
-    def test_shows_nothing_when_it_is_printed(self, keys: ApiKeys) -> None:
-        made, shown = keys.create("me", Role.VIEWER, KeyLimits())
-        assert made.sha256 not in repr(made)
-        assert shown.rpartition("_")[2] not in repr(made)
 
     @pytest.mark.parametrize(
         "forged",
@@ -112,11 +108,6 @@ class TestAKey:
         with pytest.raises(UnknownKey, match="a key is plateau_, 12 hexadecimal digits"):
             keys.admit("hunter2", "scaler", Role.ADMIN, KeyLimits())
 
-    def test_that_is_not_there_cannot_be_changed(self, keys: ApiKeys) -> None:
-        for change in (keys.revoke, keys.rotate):
-            with pytest.raises(UnknownKey, match="plateau keys list"):
-                change("0123456789ab")
-
     def test_stays_revoked_whoever_changes_it_at_the_same_time(
         self, keys: ApiKeys, client: redis.Redis
     ) -> None:
@@ -181,20 +172,6 @@ class TestJobs:
         # The name outlives the key
         keys.revoke(key.id)
         assert jobs.get(mine.id).owner_name == "nightly"
-
-    def test_may_be_so_many_at_once(self, client: redis.Redis, key: ApiKey) -> None:
-        jobs = Jobs(client)
-        first, _ = (
-            jobs.create(JobSpec(), name="box", scene_sha256="00", owner=key.id).job
-            for _ in range(2)
-        )
-        with pytest.raises(TooManyJobs, match="has 2 jobs that have not ended, and may have 2"):
-            jobs.create(JobSpec(), name="box", scene_sha256="00", owner=key.id)
-        assert len(jobs.search()[0]) == 2
-        # Others may go on, and so may it once one has ended
-        jobs.create(JobSpec(), name="box", scene_sha256="00")
-        jobs.cancel(first.id)
-        jobs.create(JobSpec(), name="box", scene_sha256="00", owner=key.id)
 
     def test_of_two_keys_may_have_the_same_idempotency_key(
         self, client: redis.Redis, keys: ApiKeys, key: ApiKey

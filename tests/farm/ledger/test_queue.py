@@ -51,29 +51,6 @@ def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: LedgerFar
     assert started.started_at is not None
 
 
-def test_planning_the_same_slices_again_plans_none(farm: LedgerFarm) -> None:
-    job, owned = farm.job(slices=3)
-    farm.owners.plan(owned, range(3))
-    farm.owners.plan(owned, range(1, 4))
-    assert farm.client.hmget(keys.job(job.id), "planned", "ready") == ["4", "4"]
-
-
-def test_a_commit_enters_the_ledger_once(farm: LedgerFarm) -> None:
-    job, _ = farm.job()
-    worker = farm.worker("w")
-    held = lease(worker)
-    # When the answer to a commit was lost and it is sent again
-    assert [commit(worker, held), commit(worker, held)] == [
-        "committed",
-        "committed",
-    ]
-    # Then the ledger has the slice once, and its machine time once
-    after = farm.jobs.get(job.id)
-    assert (after.committed_spp, after.machine_s) == (25, 1.5)
-    assert (after.width, after.height, after.notes) == (8, 4, ("a note",))
-    assert list(farm.jobs.ledger(job.id)) == [0]
-
-
 def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: LedgerFarm) -> None:
     farm.job(slices=1)
     slow, quick = farm.worker("slow"), farm.worker("quick")
@@ -201,12 +178,6 @@ def lost_one_after_the_other(farm: LedgerFarm, job: Job, most: int) -> int:
     return most
 
 
-def test_a_worker_that_is_heard_of_again_has_not_died(farm: LedgerFarm) -> None:
-    job, _ = farm.job(slices=1)
-    assert lost_one_after_the_other(farm, job, 6) == 6
-    assert farm.jobs.get(job.id).state is JobState.RENDERING
-
-
 def test_a_slice_is_not_forgiven_for_ever(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     assert lost_one_after_the_other(farm, job, 20) == 13
@@ -281,23 +252,6 @@ def test_a_job_whose_state_is_there_is_not_lost(farm: LedgerFarm) -> None:
     assert lease(farm.worker("w")).job_id == job.id
 
 
-def test_a_point_of_the_curve_is_there_once(farm: LedgerFarm) -> None:
-    job, owned = farm.job()
-    point = {
-        "visible_pixels": 3,
-        "visible_fraction": 0.1,
-        "slope": None,
-        "estimate_pixels": 1 / 3,
-        "estimate_fraction": 0.1,
-    }
-    for spp in (100, 200, 200, 100):
-        farm.owners.append_point(owned, spp, {"spp": spp, **point})
-    assert [point.spp for point in farm.jobs.curve(job.id)] == [100, 200]
-    assert farm.jobs.curve(job.id)[0].estimate_pixels == 1 / 3  # to the last bit
-    assert [event.type for event in farm.jobs.events(job.id)].count("point") == 2
-    assert farm.jobs.get(job.id).spp == 200
-
-
 def test_the_ledger_is_read_as_a_prefix(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=4)
     worker = farm.worker("w")
@@ -306,13 +260,3 @@ def test_the_ledger_is_read_as_a_prefix(farm: LedgerFarm) -> None:
         commit(worker, held[index])
     assert [record.index for record in farm.owners.committed(job.id, range(4))] == [0, 1]
     assert [record.index for record in farm.owners.committed(job.id, range(3, 8))] == [3]
-
-
-def test_a_key_gets_no_more_by_sending_more_jobs(farm: LedgerFarm) -> None:
-    crowd = [farm.job(owner="many")[0] for _ in range(5)]
-    single, _ = farm.job(slices=8, owner="one")
-    given = [lease(farm.worker(f"w-{number}")).job_id for number in range(8)]
-    # Without shares for keys, the single job would be given every sixth slice
-    assert given.count(single.id) == 4
-    # Within the crowd's share its jobs take turns, the oldest first
-    assert [job for job in given if job != single.id] == [job.id for job in crowd[:4]]

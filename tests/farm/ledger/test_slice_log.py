@@ -35,17 +35,6 @@ def test_a_silent_slice_costs_its_line_in_the_ledger_alone(
     assert (entry.cause, entry.text) == (None, "")
 
 
-def test_a_slice_with_words_has_them_once(farm: LedgerFarm) -> None:
-    job, _ = farm.job()
-    worker = farm.worker("w")
-    held = lease(worker)
-    # When the answer to its commit was lost and it is sent again
-    assert said(worker, held, "a warning") == "committed"
-    assert said(worker, held, "a warning") == "committed"
-    assert told(farm, job) == [(0, "committed", "w", None, "a warning")]
-    assert farm.jobs.log(job.id)[0].seconds == 2.5
-
-
 def test_each_way_in_which_a_try_ends_is_told_in_its_order(farm: LedgerFarm) -> None:
     job, owned = farm.job(slices=1)
     worker, other = farm.worker("w"), farm.worker("other")
@@ -95,15 +84,6 @@ def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: LedgerFarm) -> N
         ("committed", "w"),
         ("duplicate", "lost"),
     ]
-
-
-def test_one_slice_has_its_entries(farm: LedgerFarm) -> None:
-    job, _ = farm.job()
-    worker = farm.worker("w")
-    for _ in range(3):
-        commit(worker, lease(worker))
-    assert [one.slice for one in farm.jobs.log(job.id, 1)] == [1]
-    assert farm.jobs.log(job.id, 3) == []
 
 
 def test_what_is_kept_is_bounded(farm: LedgerFarm, client: redis.Redis) -> None:

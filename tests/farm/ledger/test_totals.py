@@ -117,15 +117,6 @@ class TestSlices:
 
 
 class TestDemand:
-    def test_is_for_workers_of_the_variant_that_a_job_needs(self, farm: Farm) -> None:
-        farm.job(slices=4, variant="cuda_ad_rgb")
-        farm.job(slices=3, variant="scalar_rgb")
-        farm.lease()
-        census = take_census(farm.client)
-        assert census.demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
-        assert census.demand_for(["llvm_ad_rgb", "scalar_rgb"]) == Demand(waiting=2, leased=1)
-        assert census.demand_for([]) == Demand(waiting=6, leased=1)
-
     def test_of_a_job_that_anybody_may_begin_is_for_all_until_it_is_pinned(
         self, farm: Farm
     ) -> None:

@@ -365,26 +365,6 @@ class TestWhoseBlobs:
             finished(client, store)  # and goes on as if nothing had been
         assert set(before) <= set(store.names(""))
 
-    def test_nor_one_that_has_no_job_where_there_are_blobs_of_some(
-        self, client: redis.Redis, store: Blobs
-    ) -> None:
-        orphan(store, "0123456789ab")
-        for dry_run in (True, False):
-            with pytest.raises(WrongStore):
-                sweep(client, store, dry_run=dry_run)
-        assert len(store.names("")) == 3
-
-    def test_nor_one_that_has_blobs_elsewhere(
-        self, client: redis.Redis, store: Blobs, tmp_path: Path
-    ) -> None:
-        finished(client, store)
-        sweep(client, store)
-        other = Blobs(str(tmp_path / "other"))
-        orphan(other, "0123456789ab")
-        with pytest.raises(WrongStore):
-            sweep(client, other)
-        assert len(other.names("")) == 3
-
 
 class TestScenes:
     def keep(self, client: redis.Redis, store: Blobs, sha256: str, *, days_ago: float) -> None:
@@ -395,10 +375,6 @@ class TestScenes:
         SceneIndex(client).remember(sha256, {"name": "a.xml"})
         then = jobs.now_ms() - days_ago * DAY_S * 1000
         client.zadd(keys.SCENES_USED, {sha256: then})
-
-    def test_stay_for_ever_by_default(self, client: redis.Redis, store: Blobs) -> None:
-        self.keep(client, store, SCENE, days_ago=10_000)
-        assert sweep(client, store) == NOTHING
 
     def test_go_when_no_job_has_them_and_they_were_not_used(
         self, client: redis.Redis, jobs: Jobs, store: Blobs

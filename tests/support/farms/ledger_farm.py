@@ -71,3 +71,20 @@ def record_of(held: Lease, *, first_seed: int | None = None, **other: object) ->
 def commit(queue: SliceQueue, held: Lease, *, said: str = "", **record: Any) -> str:
     made = record_of(held, **record)
     return queue.commit(held, made, width=8, height=4, notes=("a note",), said=said)
+
+
+def about(name: str) -> dict[str, object]:
+    """What a worker of this name says of itself."""
+    return {
+        "id": name,
+        "host": "here",
+        "pid": 1,
+        "variants": ("scalar_rgb",),
+        "threads": 1,
+        "job": None,
+        "slice": None,
+        "slices_done": 0,
+        "samples_per_s": None,
+        "last_error": None,
+        "started_at": "2026-11-21T08:00:00Z",
+    }

@@ -10,8 +10,8 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.examples import SCENE_XML
-from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.ledger_farm import about
 
 LIMITS = KeyLimits()
 
