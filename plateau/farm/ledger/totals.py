@@ -174,13 +174,14 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
         states[job["state"]] += 1
         wanted = f"{job['variant'] or job['asked_variant'] or ANY} {job['need'] or DEFAULT_POOL}"
         may_begin = job["state"] != "paused" and not job["held"] and not job["awaits"]
-        if may_begin and not any(one.serves(job_id, wanted) for one in crew):
-            unserved.append((int(job["number"]), job_id))
-        if may_begin and job["committed"] == "0":
-            oldest_ms = min(oldest_ms, float(job["created_at"]))
-        if from_priority is None or priority is None or priority >= from_priority:
-            waiting = int(job["ready"]) + lost if may_begin else 0
-            demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
+        with records.leaving_out_unreadable(), records.reading(job_id):
+            if may_begin and not any(one.serves(job_id, wanted) for one in crew):
+                unserved.append((int(job["number"]), job_id))
+            if may_begin and job["committed"] == "0":
+                oldest_ms = min(oldest_ms, float(job["created_at"]))
+            if from_priority is None or priority is None or priority >= from_priority:
+                waiting = int(job["ready"]) + lost if may_begin else 0
+                demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
     return Census(
         jobs=dict(states),
         jobs_stored=stored,

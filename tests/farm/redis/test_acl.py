@@ -168,34 +168,31 @@ def test_a_worker_runs_no_command_that_is_not_for_workers(
     assert {key: client.dump(key) for key in client.keys("*")} == before
 
 
-@pytest.mark.parametrize("act", [("hset", keys.API_KEYS, JOB, "{}"), ("get", "idempotency:x")])
-def test_a_monitor_has_nothing_to_do_with_who_may_use_the_api(
-    login: Login, act: tuple[str, ...]
-) -> None:
-    with pytest.raises(redis.exceptions.NoPermissionError):
-        login("monitor").execute_command(*act)
+#: Nobody runs the server; only the administrator ends what hangs; and a monitor has nothing to do
+#: with who may use the API.
+RUNS_THE_SERVER = [
+    *(("flushall",), ("keys", "*"), ("config", "set", "dir", "/"), ("acl", "list")),
+    *(("replicaof", "h", 1), ("set", "theirs", "x")),
+]
+ENDS_WHAT_HANGS = [("shutdown",), ("client", "list"), ("acl", "log")]
+OF_THE_API = [("hset", keys.API_KEYS, JOB, "{}"), ("get", "idempotency:x")]
 
 
-@pytest.mark.parametrize("role", ["monitor", "api", "admin"])
 @pytest.mark.parametrize(
-    "act",
+    ("role", "acts"),
     [
-        *(("flushall",), ("keys", "*"), ("config", "set", "dir", "/"), ("acl", "list")),
-        *(("replicaof", "h", 1), ("set", "theirs", "x")),
+        ("monitor", [*RUNS_THE_SERVER, *ENDS_WHAT_HANGS, *OF_THE_API]),
+        ("api", [*RUNS_THE_SERVER, *ENDS_WHAT_HANGS]),
+        ("admin", RUNS_THE_SERVER),
     ],
 )
-def test_nobody_runs_the_server(login: Login, role: str, act: tuple[str, ...]) -> None:
-    with pytest.raises(redis.exceptions.NoPermissionError):
-        login(role).execute_command(*act)
-
-
-@pytest.mark.parametrize("role", ["monitor", "api"])
-@pytest.mark.parametrize("act", [("shutdown",), ("client", "list"), ("acl", "log")])
-def test_only_the_administrator_ends_what_hangs(
-    login: Login, role: str, act: tuple[str, ...]
+def test_others_are_refused_what_is_not_for_them(
+    login: Login, role: str, acts: list[tuple[str, ...]]
 ) -> None:
-    with pytest.raises(redis.exceptions.NoPermissionError):
-        login(role).execute_command(*act)
+    one = login(role)
+    for act in acts:
+        with pytest.raises(redis.exceptions.NoPermissionError):
+            one.execute_command(*act)
 
 
 @pytest.mark.parametrize("role", ["worker", "monitor", "api", "admin"])
