@@ -113,7 +113,7 @@ WITHHELD = [
     *(("zrange", keys.NOTICES, 0, -1), ("zadd", f"{keys.NOTICES}:ops", 0, JOB)),
     *(("hgetall", keys.job(JOB, "sealed")), ("hset", keys.job(JOB, "sealed"), "owner", JOB)),
     *(("hgetall", keys.API_KEYS), ("hset", keys.API_KEYS, JOB, "{}"), ("hgetall", "plateau:keys")),
-    *(("set", f"plateau:key:{JOB}:rate", "0"), ("zrange", keys.jobs_of_key(JOB), 0, -1)),
+    ("zrange", keys.jobs_of_key(JOB), 0, -1),
     *(("set", keys.job(JOB, "owner"), "9"), ("hincrby", keys.job(JOB, "sealed"), "fence", 1)),
     ("xadd", keys.job(JOB, "curve"), "*", "point", "{}"),
     *(("zrange", keys.BATCHES, 0, -1), ("zadd", keys.batch("walk"), 1, JOB)),
