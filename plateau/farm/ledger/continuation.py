@@ -120,8 +120,8 @@ class Continuations:
         ------
         JobNotFound
             The job went in the meantime.
-        TooManyJobs
-            As `Jobs.create` raises it.
+        TooManyJobs, TooManyNeeds
+            As `Jobs.create` raises them.
         """
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         name = spec.name or job.name

@@ -12,6 +12,7 @@ from plateau.farm.model.errors import (
     JobEnded,
     JobNotFound,
     TooManyJobs,
+    TooManyNeeds,
 )
 from plateau.farm.model.job import Again, Job
 from plateau.farm.model.spec import JobSpec
@@ -73,6 +74,8 @@ class Jobs(JobReads):
         ------
         TooManyJobs
             Its owner, an API key's id, has as many open jobs as it may.
+        TooManyNeeds
+            It needs another pool or other tags than all open jobs, whose needs are many already.
         CannotFollow
             A job or batch of `spec.after` is unknown, or has not ended well.
         """
@@ -99,6 +102,8 @@ class Jobs(JobReads):
         """The script's answer to a request for new jobs; raises as `create` does."""
         if made.outcome == "too many":
             raise TooManyJobs(made.has, made.most)
+        if made.outcome == "too varied":
+            raise TooManyNeeds(made.has)
         if made.outcome == "cannot follow":
             raise CannotFollow(made.after, made.state)
         return Created(

@@ -10,6 +10,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 from typing import Any, Final
 
@@ -163,6 +164,11 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
     notices = sum(islice(answers, len(receivers)))
     totals = {name: int(number) for name, number in counted.items()}
     usual_ms = _mean_slice_ms(totals)
+
+    @cache
+    def suited(wanted: str) -> list[_Worker]:
+        return [one for one in crew if one.kind is not None and one.kind.serves(wanted)]
+
     states: Counter[str] = Counter(dict.fromkeys(_OPEN, 0))
     demand: dict[str, list[Demand]] = defaultdict(list)
     unserved: list[tuple[int, str]] = []
@@ -175,7 +181,7 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
         wanted = f"{job['variant'] or job['asked_variant'] or ANY} {job['need'] or DEFAULT_POOL}"
         may_begin = job["state"] != "paused" and not job["held"] and not job["awaits"]
         with records.leaving_out_unreadable(), records.reading(job_id):
-            if may_begin and not any(one.serves(job_id, wanted) for one in crew):
+            if may_begin and all(job_id in one.left_out_of for one in suited(wanted)):
                 unserved.append((int(job["number"]), job_id))
             if may_begin and job["committed"] == "0":
                 oldest_ms = min(oldest_ms, float(job["created_at"]))
@@ -228,10 +234,6 @@ class _Worker:
             None if in_trouble or "drained" in fields else kind,
             records.left_out_of(fields, now_ms),
         )
-
-    def serves(self, job_id: str, wanted: str) -> bool:
-        """Whether it may render this job of this class."""
-        return self.kind is not None and self.kind.serves(wanted) and job_id not in self.left_out_of
 
 
 def _demand(job: Mapping[str, str], waiting: int, leased: int, usual_ms: float) -> Demand:

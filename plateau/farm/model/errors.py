@@ -13,6 +13,7 @@
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
     ├── TooManyJobs        the API key has as many open jobs as it may
+    ├── TooManyNeeds       open jobs need too many different pools and tags
     ├── UnknownKey         no API key of that id, or it was revoked
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   ├── BlobsUnavailable   the blob store does
@@ -129,6 +130,16 @@ class TooManyJobs(FarmError):
         )
         self.open_jobs = open_jobs
         self.limit = most
+
+
+class TooManyNeeds(FarmError):
+    """Open jobs need as many different workers as they may: by pool and tags."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(
+            f"jobs that have not ended need {most} different combinations of pool and tags, "
+            "which is the most that a farm takes"
+        )
 
 
 class UnknownKey(FarmError):

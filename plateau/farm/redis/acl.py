@@ -59,6 +59,7 @@ _QUEUE: Final = (
     keys.in_state("*"),
     keys.WAITING,
     f"{keys.WAITING}:*",
+    keys.NEEDS,
     keys.LATE,
     keys.LEASES,
     f"{PREFIX}share:*",

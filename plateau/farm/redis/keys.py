@@ -15,6 +15,7 @@ plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
+plateau:needs             hash    pool and tags of open jobs → how many jobs           the jobs'
 plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
                                   holds up their image is late (ms)
 plateau:idle              hash    idle workers → 1                                      while so
@@ -107,6 +108,7 @@ OPEN: Final = PREFIX + "jobs:open"
 UNFINISHED: Final = PREFIX + "jobs:unfinished"
 WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
+NEEDS: Final = PREFIX + "needs"
 TROUBLES: Final = PREFIX + "troubles"
 LATE: Final = PREFIX + "late"
 IDLE: Final = PREFIX + "idle"
@@ -127,6 +129,9 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 #: Before the id in a hint to monitors: the job's owner has given it back.
 FREE: Final = "free "
 WAKE_NOTIFIER: Final = PREFIX + "wake:notifier"
+
+#: Most different needs (pool and tags) of open jobs: a lease may look at each.
+MOST_NEEDS: Final = 64
 
 #: The consumer group of every job's slices.
 GROUP: Final = "workers"
@@ -187,8 +192,8 @@ local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
 local DELETED = '{DELETED}'
 local FREE = '{FREE}'
 local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
-local IDLE, IDLE_KINDS = '{IDLE}', '{IDLE}:kinds'
-local DEFAULT_POOL = '{DEFAULT_POOL}'
+local NEEDS, IDLE, IDLE_KINDS = '{NEEDS}', '{IDLE}', '{IDLE}:kinds'
+local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'

@@ -363,7 +363,7 @@ def index(client: redis.Redis) -> dict[str, object]:
     """All that only the index has: its keys, and what is filed of each open job."""
     found: dict[str, object] = {}
     for key in client.scan_iter(f"{keys.PREFIX}*", count=10_000):
-        if key.startswith(f"{keys.PREFIX}share:"):
+        if key.startswith(f"{keys.PREFIX}share:") or key == keys.NEEDS:
             found[key] = client.hgetall(key)
         elif key.startswith(keys.WAITING) or key.endswith(":lost"):
             found[key] = client.zrange(key, 0, -1, withscores=True)

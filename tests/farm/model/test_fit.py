@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model.errors import InvalidSpec
+from plateau.farm.model.errors import InvalidSpec, TooManyNeeds
 from plateau.farm.model.fit import Crew, waits_for
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -183,3 +183,19 @@ class TestNames:
         batch = BatchSpec(pool="night", requires=("gpu",), parameters=({"a": 1}, {"a": 2}))
         jobs = batch.job_specs("b")
         assert [(job.pool, job.requires) for job in jobs] == [("night", ("gpu",))] * 2
+
+
+def test_open_jobs_need_a_limited_number_of_different_things(farm: Farm) -> None:
+    first = farm.made(pool="p0")
+    for number in range(1, keys.MOST_NEEDS):
+        farm.made(pool=f"p{number}")
+    with pytest.raises(TooManyNeeds, match="64 different"):
+        farm.made(requires=("gpu",))
+    # Another of a need that there is, is taken; and a new one when one has gone with its jobs
+    again = farm.made(pool="p0")
+    farm.jobs.cancel(first.id)
+    with pytest.raises(TooManyNeeds):
+        farm.made(requires=("gpu",))
+    farm.jobs.cancel(again.id)
+    job = farm.made(requires=("gpu",))
+    assert farm.given("gpu") == job.id

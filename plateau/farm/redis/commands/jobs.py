@@ -27,11 +27,12 @@ class Made:
         "conflict",
         "changed",
         "missing",
+        "too varied",
         "too many",
         "cannot follow",
     ]
     job: str = ""  #: the first, if created, repeated or in conflict
-    has: int = 0  #: open jobs, if too many
+    has: int = 0  #: open jobs, or different needs, if too many
     most: int = 0  #: open jobs that are allowed
     after: str = ""  #: what cannot be followed: a name, or a job in words
     state: str = ""  #: and how it stands: ``missing``, ``deleted``, ``lost`` or a job's state

@@ -86,7 +86,8 @@ local function open(id, gate)
   redis.call('ZREM', job_key(id, 'after'), gate)
   if redis.call('EXISTS', job_key(id, 'after')) == 1 then return note_wait(id) end
   wait_no_more(id)
-  Job.may_begin(id, 'all that it waited for has ended well')
+  has_more[id] = true
+  Job.note_queued(id, 'all that it waited for has ended well', 'waiting for a worker')
 end
 
 local BADLY = {failed = 'failed', cancelled = 'was cancelled', lost = 'is lost'}

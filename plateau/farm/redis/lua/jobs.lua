@@ -120,17 +120,13 @@ function Job.end_with(id, target, ended_by, reason, failed_slice)
   Job.withdraw(id)
   redis.call('DEL', job_key(id, 'deaths'))
   redis.call('ZREM', OPEN, id)
+  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
+  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
   local party = redis.call('HGET', job_key(id), 'party')
   if party then redis.call('SREM', api_key_key(party, 'open'), id) end
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
   redis.call('PUBLISH', WAKE_MONITORS, id)
   return true, state
-end
-
--- A queued job that had to wait may be rendered from now on.
-function Job.may_begin(id, why)
-  has_more[id] = true
-  Job.note_queued(id, why, 'waiting for a worker')
 end
 
 -- Is this the token of the monitor that owns the job?

@@ -1,5 +1,13 @@
 -- New jobs: their limits, and their records.
 
+-- A refusal where a new job with these fields has one more need than open jobs may have. A lease may look
+-- at each need.
+function New.needs_too_much(fields)
+  if redis.call('HEXISTS', NEEDS, fields.need or DEFAULT_POOL) == 1 then return nil end
+  local needs = redis.call('HLEN', NEEDS)
+  if needs >= MOST_NEEDS then return {outcome = 'too varied', has = needs} end
+end
+
 -- The API key that owns a new job with these fields: its id and its record.
 local function owner_among(fields)
   if (fields.owner or '') == '' then return nil end
@@ -44,6 +52,7 @@ function New.job(job, priority, reason)
   Job.join_batch(id)
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
+  redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL, 1)
   local owner, key = owner_among(job.fields)
   if owner then
     redis.call('HSET', job_key(id, 'sealed'), 'owner', owner, 'owner_name', key.name or '')
@@ -54,11 +63,4 @@ function New.job(job, priority, reason)
   redis.call('XGROUP', 'CREATE', job_key(id, 'slices'), GROUP, '0', 'MKSTREAM')
   Outbox.announce(id, 'state', {to = 'queued', reason = reason})
   redis.call('PUBLISH', WAKE_MONITORS, id)
-end
-
--- The shot whose frames are these new jobs, in their order.
-function New.shot(jobs)
-  local frames = {}
-  for place, job in ipairs(jobs) do frames[place] = job.id end
-  redis.call('HSET', job_key(jobs[1].id, 'shot'), 'frames', cjson.encode(frames), 'looks', 0)
 end

@@ -11,6 +11,7 @@ from plateau.farm.model.errors import (
     BatchNotFound,
     JobNotFound,
     TooManyJobs,
+    TooManyNeeds,
     UnreadableJob,
     WorkerNotFound,
 )
@@ -215,6 +216,11 @@ TOO_LARGE_TO_MERGE: Final = CANNOT_MERGE.case(
 SLICE_MISSING: Final = CANNOT_MERGE.case(
     "job {job} keeps no picture of {spp} spp, and has no slice {index}")
 SLICE_LOST: Final = CANNOT_MERGE.case("job {job} keeps no picture of {spp} spp, and {error}")
+TOO_MANY_NEEDS: Final = ProblemType(
+    "too-many-needs", 409, "Too many combinations of pools and tags",
+    "{error}",
+    "wait for some to end, or ask for a combination that others have",
+    example={"error": TooManyNeeds(64)})
 JOB_ENDED: Final = ProblemType(
     "job-ended", 409, "Job already ended",
     "job {job} {clause}",

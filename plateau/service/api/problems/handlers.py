@@ -20,6 +20,7 @@ from plateau.farm.model.errors import (
     JobNotFound,
     StoreUnavailable,
     TooManyJobs,
+    TooManyNeeds,
     UnreadableJob,
     WorkerNotFound,
 )
@@ -46,6 +47,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], ProblemType]] = {
     WorkerNotFound: problems.UNKNOWN_WORKER,
     SpoiledBlob: problems.SPOILED_FILE,
     TooManyJobs: problems.TOO_MANY_JOBS,
+    TooManyNeeds: problems.TOO_MANY_NEEDS,
     CannotFollow: problems.CANNOT_FOLLOW,
 }
 

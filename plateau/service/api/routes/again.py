@@ -69,6 +69,7 @@ Changes = Annotated[
             problems.UNKNOWN_JOB,
             problems.JOB_NOT_ENDED,
             problems.TOO_MANY_JOBS,
+            problems.TOO_MANY_NEEDS,
             problems.KEY_REUSED,
             problems.UPLOAD_TOO_LARGE,
             problems.INVALID_REQUEST,

@@ -9,6 +9,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.ledger_farm import about
@@ -101,3 +102,12 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     assert queued(made.json()["id"]) == [(1, 1)] * 2
     (shown,) = http.get("/v1/workers").json()["workers"]
     assert {name: shown[name] for name in fits} == fits
+
+
+def test_a_need_too_many_is_a_problem(http: httpx.Client, client: redis.Redis) -> None:
+    for number in range(MOST_NEEDS):
+        Jobs(client).create(JobSpec(pool=f"p{number}"), name="box", scene_sha256="00")
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    problem(
+        http.post("/v1/jobs", files=scene, data={"spec": '{"pool": "p"}'}), 409, "too-many-needs"
+    )

@@ -1,12 +1,12 @@
 -- Create a job, or many of one batch: all or none, and once for each idempotency key.
--- Returns 'created', 'repeated' or 'conflict', each with the first job; 'too many' with the owner's open
--- jobs, and the most that it may have; or 'cannot follow' with one that they were to wait for, and how it
--- stands.
+-- Returns 'created', 'repeated' or 'conflict', each with the first job; 'too varied' with the number of
+-- different needs of open jobs; 'too many' with the owner's open jobs, and the most that it may have; or
+-- 'cannot follow' with one that they were to wait for, and how it stands.
 function for_farm.create(it)
   local first = it.jobs[1]
   local made = New.made_before(it.idempotency, it.digest)
   if made then return made end
-  local refused = New.too_many_jobs(#it.jobs, first.fields)
+  local refused = New.too_many_jobs(#it.jobs, first.fields) or New.needs_too_much(first.fields)
   if refused then return refused end
   local gates, unmet = After.gates(it.after)
   if unmet then return unmet end
@@ -15,7 +15,11 @@ function for_farm.create(it)
     New.job(job, it.priority, 'created')
     After.wait(job.id, gates)
   end
-  if first.fields.shot then New.shot(it.jobs) end
+  if first.fields.shot then
+    local frames = {}
+    for place, job in ipairs(it.jobs) do frames[place] = job.id end
+    redis.call('HSET', job_key(first.id, 'shot'), 'frames', cjson.encode(frames), 'looks', 0)
+  end
   return {outcome = 'created', job = first.id}
 end
 
@@ -33,7 +37,7 @@ for_farm['continue'] = function(it)
   for index = 0, slices - 1 do
     if redis.call('HEXISTS', job_key(old, 'ledger'), index) == 0 then return {outcome = 'changed'} end
   end
-  local refused = New.too_many_jobs(1, it.job.fields)
+  local refused = New.too_many_jobs(1, it.job.fields) or New.needs_too_much(it.job.fields)
   if refused then return refused end
 
   New.remember_request(it.idempotency, it.digest, id)
