@@ -1,4 +1,4 @@
-"""A paused job is leased to nobody and loses nothing; a priority counts from the next lease."""
+"""A paused job is leased to nobody and loses nothing."""
 
 import itertools
 
