@@ -14,9 +14,9 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
-from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.service.api.routes.test_workers import LIMITS
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob

@@ -6,8 +6,8 @@ from playwright.sync_api import expect
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis import keys
-from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.noise_farm import NoiseFarm
 
 #: Of its lease: no worker of these goes away, however slow the test is.

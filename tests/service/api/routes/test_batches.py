@@ -109,7 +109,7 @@ class TestAListOfParameters:
     def test_counts_each_of_its_jobs_for_its_key(
         self, http: httpx.Client, client: redis.Redis
     ) -> None:
-        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=3)
+        limits = KeyLimits(open_jobs=3)
         _, shown = ApiKeys(client).create("mine", Role.SUBMITTER, limits)
         mine = {"Authorization": f"Bearer {shown}"}
         found = problem(
@@ -292,7 +292,7 @@ def test_its_first_frame_is_done_long_before_its_last_begins(
         max_spp=100,
         rule={"name": "fixed", "spp": 100},
     )
-    farm.jobs.create_all(spec.job_specs("walk"), name="noise", scene_sha256="00")
+    farm.jobs.create(*spec.job_specs("walk"), name="noise", scene_sha256="00")
     deadline = time.monotonic() + 120
     begun: set[str] = set()
     with farm.monitor():
