@@ -86,8 +86,7 @@ def test_a_viewer_is_offered_what_it_may(
     give(page, key)
     expect(page.get_by_role("link", name="Submit a scene")).to_be_hidden()
     page.get_by_role("link", name="Jobs", exact=True).click()
-    page.get_by_role("button", name="Actions for box").click()
-    expect(page.get_by_text("It is nobody's, and your key may not change it.")).to_be_visible()
+    expect(page.get_by_role("link", name="box", exact=True)).to_be_visible()
     expect(page.get_by_role("checkbox")).to_have_count(0)  # to select jobs by
     page.goto(f"/jobs/{job.id}")
     expect(page.get_by_role("heading", name="box")).to_be_visible()
@@ -129,8 +128,6 @@ def test_a_submitter_steers_its_own_jobs(
     page = visitor.page
     give(page, key)
     expect(page.locator(".job", has_text="mine")).to_contain_text("by anna")
-    page.get_by_role("button", name="Actions for mine").click()
-    expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_visible()
-    page.keyboard.press("Escape")
-    page.get_by_role("button", name="Actions for other").click()
-    expect(page.get_by_text("your key may not change it")).to_be_visible()
+    page.get_by_role("checkbox").check()  # there is none of the other's
+    expect(page.get_by_text("1 job selected")).to_be_visible()
+    expect(page.get_by_role("button", name="Cancel…")).to_be_visible()

@@ -80,13 +80,6 @@ def test_rows_of_one_scene_are_told_apart(visit: Visit, farm: NoiseFarm) -> None
     expect(row(visitor.page, zones.id)).to_contain_text("by zones")
     # The size of an image is said once
     expect(row(visitor.page, sized.id).locator(".asked")).to_have_text("32 × 24 · depth 3")
-    # A click on an id copies it, and does not lead to the job
-    visitor.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    visitor.page.get_by_role("button", name=f"Copy the job's id, {zones.id}").click()
-    said = visitor.page.get_by_role("status").filter(has_text=f"The job's id {zones.id} is copied")
-    expect(said).to_have_count(1)
-    assert visitor.page.evaluate("navigator.clipboard.readText()") == zones.id
-    expect(visitor.page).to_have_url(re.compile("/$"))
 
 
 def test_the_jobs_of_a_batch_are_together(page: Page, farm: NoiseFarm) -> None:
@@ -100,57 +93,15 @@ def test_the_jobs_of_a_batch_are_together(page: Page, farm: NoiseFarm) -> None:
     expect(batch.get_by_role("link", name="lamp, intensity 40", exact=True)).to_be_visible()
     expect(batch.get_by_role("link", name="lamp, intensity 10", exact=True)).to_be_visible()
     # And all of them are cancelled at once
-    batch.get_by_role("button", name="Actions for the batch exposures").click()
-    batch.get_by_role("button", name="Cancel all").click()
-    page.get_by_role("button", name="Cancel them all").click()
+    every = batch.get_by_role("checkbox", name="Select all of the batch exposures")
+    every.check()
+    page.get_by_role("checkbox", name="Select lamp, intensity 10").uncheck()
+    expect(every).to_have_js_property("indeterminate", True)
+    every.check()
+    page.get_by_role("button", name="Cancel…").click()
+    page.get_by_role("button", name="Cancel 2 jobs").click()
     expect(batch).to_contain_text("2 jobs: 2 cancelled")
     assert farm.jobs.get(alone.id).state is JobState.QUEUED
-
-
-class TestWhatCanBeDone:
-    @pytest.fixture
-    def job_id(self, page: Page, farm: NoiseFarm) -> str:
-        job = farm.submit("box")
-        with farm.monitor():
-            farm.render(1)
-        assert farm.jobs.get(job.id).state is JobState.RENDERING
-        page.reload()
-        return job.id
-
-    def test_pause_resume_a_priority_and_cancel(
-        self, page: Page, farm: NoiseFarm, job_id: str
-    ) -> None:
-        actions = row(page, job_id).get_by_role("button", name="Actions for box")
-        actions.click()
-        page.get_by_role("button", name="Pause").click()
-        expect(row(page, job_id)).to_contain_text("paused")
-        assert farm.jobs.get(job_id).state is JobState.PAUSED
-        actions.click()
-        page.get_by_role("button", name="Resume").click()
-        expect(row(page, job_id).locator(".state")).to_have_text("rendering")
-        # By keyboard alone
-        actions.focus()
-        page.keyboard.press("Enter")
-        page.get_by_label("Priority").focus()
-        page.keyboard.press("Control+A")
-        page.keyboard.type("7")
-        page.keyboard.press("Enter")
-        expect(page.get_by_role("status").filter(has_text="box has priority 7")).to_have_count(1)
-        assert farm.jobs.get(job_id).spec.priority == 7
-
-        # Cancel asks first
-        def ask() -> None:
-            row(page, job_id).get_by_role("button", name="Actions for box").click()
-            page.get_by_role("button", name="Cancel", exact=True).click()
-
-        ask()
-        page.keyboard.press("Escape")
-        expect(page.get_by_role("dialog")).to_have_count(0)
-        assert farm.jobs.get(job_id).state is JobState.RENDERING
-        ask()
-        page.get_by_role("button", name="Cancel the job").click()
-        expect(row(page, job_id)).to_contain_text("cancelled")
-        assert farm.jobs.get(job_id).state is JobState.CANCELLED
 
 
 def test_two_hundred_jobs_fetch_only_what_is_in_sight(visit: Visit, farm: NoiseFarm) -> None:
