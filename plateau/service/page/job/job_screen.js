@@ -12,7 +12,6 @@ import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
-import { Failure } from "./failure.js";
 import { reasonInWords } from "./reason.js";
 import { Records } from "./story_log_files.js";
 import { Viewer } from "./viewer/viewer.js";
@@ -40,7 +39,6 @@ export function open(main, { id, signal, go }) {
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
   const records = new Records(signal);
-  const failure = new Failure(signal);
   /** @type {Api.CurvePoint[]} */
   const points = [];
   let shown = "";
@@ -51,7 +49,7 @@ export function open(main, { id, signal, go }) {
       h("div", { class: "head" },
         h("div", {}, h("p", { class: "title" }, name, state, shortened), about, again),
         actions),
-      reason, failure.element, progress),
+      reason, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
     facts.element, records.element);
   // A heading for screen readers until the job has been fetched.
@@ -114,7 +112,6 @@ export function open(main, { id, signal, go }) {
       links.replaceChildren(...[againLink(job), ...extensions.flatMap((one) => one.jobButtons).map((make) => make(job, go))].filter((one) => one !== null));
     }
     chart.show(job, points);
-    failure.show(job);
     facts.show(job);
     records.show(job);
   }

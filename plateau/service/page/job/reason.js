@@ -5,6 +5,16 @@ import { noiseTarget, stopSlope } from "../shared/job_summary.js";
 import { parametersOf, ruleNamed } from "../shared/rules.js";
 
 /**
+ * What to do about a failure: where the scene is at fault, where renderers died, and otherwise.
+ * @type {Record<string, string>}
+ */
+const ADVICE = {
+  scene: "No worker can render the scene as it is. Mend it, and submit it.",
+  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and render it again.",
+};
+const OTHERWISE = "Change what is named here, and render it again.";
+
+/**
  * One or two sentences: what happened, and what it means.
  * @param {Api.JobView} job
  */
@@ -16,7 +26,7 @@ export function reasonInWords(job) {
     const kept = job.spp ? ` Its image stays as it was, at ${whole(job.spp)} spp.` : "";
     return `${sentence(job.reason)}${kept}`;
   }
-  if (state === "failed") return sentence(job.reason);
+  if (state === "failed") return `${sentence(job.reason)} ${ADVICE[job.ended_by ?? ""] ?? OTHERWISE}`;
   if (state === "paused") return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
   if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
   if (state === "queued") {

@@ -22,11 +22,6 @@ export class Picture {
   #path = null;
   #wanted = "";
   /**
-   * The shown picture's file; null before the first.
-   * @type {Blob | null}
-   */
-  file = null;
-  /**
    * Samples per pixel of the shown image, if the API tells.
    * @type {number | null}
    */
@@ -35,11 +30,6 @@ export class Picture {
   /** @param {HTMLImageElement} image */
   constructor(image) {
     this.#image = image;
-  }
-
-  /** The path of the shown picture; null before the first. */
-  get path() {
-    return this.#path;
   }
 
   /**
@@ -60,7 +50,6 @@ export class Picture {
     }
     this.letGo();
     this.#image.src = url;
-    this.file = blob;
     this.spp = spp;
     this.#path = path;
     this.#tag = tag;

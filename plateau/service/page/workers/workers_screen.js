@@ -3,7 +3,7 @@
 import { get, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
-import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
+import { ago, bytes, percent, several, three, whole } from "../shared/figures.js";
 import { attempt } from "../shared/notices.js";
 import { maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -29,7 +29,7 @@ export function open(main, { signal }) {
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers } = await get("/v1/workers", signal);
-    const named = workers.flatMap(({ job, left_out_of: left, last_slices: last }) => [...(job ? [job] : []), ...left, ...last.map((one) => one.job)]);
+    const named = workers.flatMap(({ job, left_out_of: left }) => [...(job ? [job] : []), ...left]);
     const unknown = new Set(named.filter((id) => !jobs.has(id)));
     await Promise.all([...unknown].map(async (id) => {
       jobs.set(id, await get(`/v1/jobs/${id}`, signal).catch(() => null));
@@ -55,15 +55,12 @@ class WorkerRow {
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
   #machine = h("p", { class: "summary machine" });
-  #last = h("ol", { class: "last-slices" });
-  #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
-  #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
   #trouble = h("p", { class: "bad" });
   #leftOut = h("p", { class: "summary left-out" });
   #drain = h("button");
   #worker;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut, this.#slices, this.#kinds);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut);
 
   /**
    * @param {NamedWorker} worker
@@ -109,8 +106,6 @@ class WorkerRow {
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
     this.#showLeftOut(worker);
-    this.#showSlices(worker);
-    this.#showKinds(worker);
   }
 
   /** @param {NamedWorker} worker */
@@ -122,24 +117,6 @@ class WorkerRow {
     this.#leftOut.replaceChildren("Left out for a while of ", ...left.flatMap((one, at) => [at ? ", " : "", h("a", { href: `/jobs/${one}` }, nameOf(worker, one))]));
   }
 
-  /** @param {NamedWorker} worker */
-  #showKinds({ kinds }) {
-    this.#kinds.hidden = !kinds.length;
-    if (kinds.join() === this.#kinds.dataset.shown) return;
-    this.#kinds.dataset.shown = kinds.join();
-    this.#kinds.replaceChildren(this.#kinds.children[0], ...kinds.map((kind) => h("p", {}, kind)));
-  }
-
-  /** @param {NamedWorker} worker */
-  #showSlices(worker) {
-    const last = worker.last_slices;
-    this.#slices.hidden = !last.length;
-    const items = last.map(({ job, slice, spp, render_s: seconds }) => ({ job, name: nameOf(worker, job), text: `, slice ${slice}: ${whole(spp)} spp in ${duration(seconds)}` }));
-    const shown = JSON.stringify(items);
-    if (this.#last.dataset.shown === shown) return;
-    this.#last.dataset.shown = shown;
-    this.#last.replaceChildren(...items.map(({ job, name, text }) => h("li", {}, h("a", { href: `/jobs/${job}` }, name), text)));
-  }
 }
 
 /**

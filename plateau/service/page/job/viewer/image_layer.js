@@ -27,11 +27,6 @@ export class ImageLayer {
     return this.#picture.spp;
   }
 
-  /** The file of the shown picture; null before the first. */
-  get file() {
-    return this.#picture.file;
-  }
-
   /**
    * Sets the description for screen readers.
    * @param {string} text

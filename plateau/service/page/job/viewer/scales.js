@@ -3,8 +3,6 @@
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 
-const LATIN = new TextDecoder("latin1");
-
 class ScaleBar {
   #ends = [h("output"), h("output"), h("output")];
   element = h("span", { class: "scale" }, h("span", { class: "viridis" }), this.#ends);
@@ -32,32 +30,11 @@ export class SamplesScale {
   #hint = h("span", { class: "hint" });
   element = h("div", { class: "panel" }, this.#bar.element, this.#hint);
 
-  /**
-   * Shows the scale of a map: its file says where it ends.
-   * @param {Blob} map
-   */
-  async show(map) {
-    const texts = await textsOf(map);
-    const [least, most] = ["spp_min", "spp_max"].map((name) => Number(texts.get(`plateau:${name}`)));
+  /** @param {Api.JobView} job */
+  show({ spp, spp_min, spp_max }) {
+    const [least, most] = [spp_min ?? spp, spp_max ?? spp];
     this.#bar.element.hidden = least === most;
     this.#bar.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
     setText(this.#hint, least === most ? `All zones have ${whole(least)} spp.` : "Equal steps of colour are equal ratios.");
   }
-}
-
-/**
- * The text chunks of a PNG file, by keyword.
- * @param {Blob} file
- */
-async function textsOf(file) {
-  const view = new DataView(await file.arrayBuffer());
-  const text = (/** @type {number} */ at, /** @type {number} */ length) => LATIN.decode(new Uint8Array(view.buffer, at, length));
-  /** @type {Map<string, string>} */
-  const found = new Map();
-  for (let at = 8; at < view.byteLength; at += 12 + view.getUint32(at)) {
-    if (text(at + 4, 4) !== "tEXt") continue;
-    const [keyword, said] = text(at + 8, view.getUint32(at)).split("\0");
-    found.set(keyword, said);
-  }
-  return found;
 }
