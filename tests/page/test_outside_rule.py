@@ -72,7 +72,7 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     page.set_input_files("#scene-file", tmp_path / "box.zip")
     for name in ("width", "height"):
         page.get_by_label(name, exact=True).fill("32")
-    page.get_by_text("Other rules", exact=True).click()
+    page.get_by_text("Others", exact=True).click()
     page.get_by_role("radio", name="A number of looks").check()
     looks = page.get_by_label("Looks", exact=True)
     expect(looks).to_have_value("5")
