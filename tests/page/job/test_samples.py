@@ -65,8 +65,7 @@ def test_they_change_while_it_renders(visit: Visit, farm: NoiseFarm) -> None:
         page = visit(f"/jobs/{job.id}", expected={404}).page
         page.get_by_role("button", name="Samples", exact=True).click()
         # At first all zones have the same
-        expect(page.locator(".panel:visible")).to_contain_text("All zones have 40 spp.")
-        expect(page.locator(".scale:visible")).to_have_count(0)
+        expect(page.locator(".scale:visible output").last).to_have_text("40 spp")
         farm.finish(job)
         done = farm.jobs.get(job.id)
         expect(page.locator(".scale:visible output").last).to_have_text(f"{done.spp_max:,} spp")

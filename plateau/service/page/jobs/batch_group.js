@@ -18,7 +18,7 @@ export class BatchGroup {
   #selection;
   #counts = h("span", { class: "counts" });
   #pick = h("input", { type: "checkbox", onclick: () => { this.#selection.select(this.#jobs, this.#pick.checked); } });
-  #all = h("label", { class: "toggle" }, this.#pick, "all");
+  #all = h("label", { class: "toggle" }, this.#pick, "Select all");
   #shot;
   #rows;
 
@@ -32,9 +32,9 @@ export class BatchGroup {
     this.#shot = h("button", { class: "quiet", onclick: () => showShot(batch, (id) => this.#nameOf(id)) }, "Look at the shot");
     const list = h("ul", { class: "jobs", "aria-label": `Jobs of the batch ${batch}` });
     this.element = h("li", { class: "batch", "data-batch": batch },
+      h("p", { class: "actions" }, this.#shot, this.#all),
       h("details", { open: jobs.length <= MANY },
-        h("summary", {}, h("span", { class: "batch-name" }, batch), this.#counts), list),
-      h("p", { class: "actions" }, this.#shot, this.#all));
+        h("summary", {}, h("span", { class: "batch-name" }, batch), this.#counts), list));
     this.#rows = new KeyedList(list, (/** @type {ListedJob} */ job) => new JobRow(job, context));
   }
 

@@ -1,12 +1,10 @@
 // A job as a row of the list.
 
-import { get } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
 import { asked, deletedSince, ENDED, savings, shortId, took } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 import { Picture } from "../shared/picture.js";
-import { Sparkline } from "./sparkline.js";
 
 /** @import { Selection } from "./selection.js" */
 
@@ -17,34 +15,15 @@ const PICTURE_EVERY_MS = 4000;
 /** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
 /** @typedef {{ signal: AbortSignal, visible: Visible, selection: Selection }} RowContext */
 
-/** How many more rows may start a fetch now. */
-let free = 4;
-/** @type {((value?: unknown) => void)[]} */
-const waiting = [];
-/** @param {() => Promise<unknown>} work */
-async function inTurn(work) {
-  if (free > 0) free -= 1;
-  else await new Promise((resolve) => waiting.push(resolve));
-  try {
-    return await work();
-  } finally {
-    const next = waiting.shift();
-    if (next) next();
-    else free += 1;
-  }
-}
-
 export class JobRow {
   #signal;
   #selection;
   #seen = false;
   #job;
-  #shownPoints = -1;
   #shownPicture = "";
   #picturedAt = 0;
   #image = h("img", { alt: "", width: 96, height: 72, hidden: true });
   #picture = new Picture(this.#image);
-  #spark = new Sparkline();
   #pick = h("input", { type: "checkbox", class: "pick", onclick: (event) => {
     this.#selection.toggle(this.#job, { checked: this.#pick.checked, range: event.shiftKey });
   } });
@@ -74,7 +53,6 @@ export class JobRow {
       h("div", { class: "what" },
         h("p", { class: "title" }, this.#name, this.#state, this.#id, this.#owner),
         this.#asked, this.#why),
-      this.#spark.element,
       h("p", { class: "figure" }, this.#spp, this.#cap),
       h("p", { class: "figure" }, this.#left, this.#leftOf),
       h("p", { class: "figure" }, this.#time, this.#who));
@@ -126,19 +104,9 @@ export class JobRow {
     if (job.image_spp && stamp !== this.#shownPicture && due) {
       this.#shownPicture = stamp;
       this.#picturedAt = Date.now();
-      inTurn(() => this.#fetchPicture(job)).catch(() => (this.#shownPicture = ""));
+      this.#picture.show(job.links.thumbnail_png, this.#signal)
+        .then(() => (this.#image.hidden = false), () => (this.#shownPicture = ""));
     }
-    if (job.points && job.points !== this.#shownPoints) {
-      this.#shownPoints = job.points;
-      inTurn(async () => this.#spark.show((await get(job.links.curve, this.#signal)).points))
-        .catch(() => (this.#shownPoints = -1));
-    }
-  }
-
-  /** @param {ListedJob} job */
-  async #fetchPicture(job) {
-    await this.#picture.show(job.links.thumbnail_png, this.#signal);
-    this.#image.hidden = false;
   }
 }
 

@@ -71,7 +71,7 @@ export function open(main, { signal, go }) {
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
 
-  // Only visible rows fetch pictures and curves.
+  // Only visible rows fetch pictures.
   /** @type {WeakMap<Element, (seen: boolean) => void>} */
   const inSight = new WeakMap();
   const observer = new IntersectionObserver((entries) => {

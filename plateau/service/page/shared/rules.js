@@ -63,14 +63,6 @@ export function ruleNamed(wanted) {
  */
 export function valueIn(role, rule) {
   const found = ruleNamed(rule.name)?.fields.find((one) => one.role === role);
-  return found ? parametersOf(rule)[found.name] ?? null : null;
-}
-
-/**
- * The parameters of a job's rule.
- * @param {Rule} rule
- * @returns {Record<string, number>}
- */
-export function parametersOf({ name: _name, ...parameters }) {
-  return parameters;
+  const { name: _name, ...parameters } = rule;
+  return found ? /** @type {Record<string, number>} */ (parameters)[found.name] ?? null : null;
 }
