@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
-from tests.page.job.test_job import is_shown, png
+from tests.page.job.conftest import is_shown, png
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 

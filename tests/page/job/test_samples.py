@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 from plateau.farm.redis import keys
 from plateau.metric import SAMPLES_PALETTE
 from tests.page.conftest import Visit
-from tests.page.job.test_job import is_shown, png
+from tests.page.job.conftest import is_shown, png
 from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
 from tests.support.farms.noise_farm import NoiseFarm
 
