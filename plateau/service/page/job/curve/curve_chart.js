@@ -5,7 +5,7 @@ import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
 import { colours, compact } from "./axes.js";
 import { forecastOf } from "./marks.js";
-import { ChangedPanel, logToggle, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
+import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { told } from "./point_words.js";
 // @ts-types="../../vendor/uPlot.d.ts"
 import uPlot from "../../vendor/uPlot.esm.js";
@@ -25,10 +25,10 @@ export class CurveChart {
   /** @type {number | null} */
   #at = null;
   /** @type {Panels} */
-  #panels = [new ChangedPanel(() => this.#build()), new NoiseLeftPanel(() => this.#build())];
+  #panels = [new ChangedPanel(), new NoiseLeftPanel()];
   #readout = h("p", { class: "readout" });
   #drawn = "";
-  #logX = logToggle("spp", false, () => this.#build());
+  #logX = h("input", { type: "checkbox", onchange: () => this.#build() });
   #host;
   #empty = h("p", { class: "lead" });
   #full;
@@ -41,8 +41,7 @@ export class CurveChart {
       onkeydown: (event) => this.#key(event),
     }, this.#panels.flatMap(({ title, box }) => [title, box]));
     this.#full = h("div", { hidden: true },
-      h("div", { class: "toggles", role: "group", "aria-label": "Logarithmic axes" },
-        "Logarithmic", this.#logX.label, this.#panels.map(({ toggle }) => toggle?.label ?? null)),
+      h("label", { class: "toggle" }, this.#logX, "Logarithmic spp"),
       this.#host, this.#readout);
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
       h("h2", { id: "curve-title" }, "Convergence curve"), this.#empty, this.#full);
@@ -117,7 +116,7 @@ export class CurveChart {
       width: Math.max(200, this.#host.clientWidth), height: panel.height, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
       legend: { show: false },
       scales: {
-        x: { time: false, auto: false, distr: this.#logX.input.checked ? 3 : 1 },
+        x: { time: false, auto: false, distr: this.#logX.checked ? 3 : 1 },
         y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
@@ -156,7 +155,7 @@ export class CurveChart {
     const last = this.#points[this.#points.length - 1].spp;
     const forecast = forecastOf(this.#points);
     const max = Math.max(last, this.#job.state === "rendering" ? Math.min(forecast?.spp ?? 0, 2.5 * last) : 0);
-    const min = this.#logX.input.checked ? this.#points[0].spp * 0.9 : 0;
+    const min = this.#logX.checked ? this.#points[0].spp * 0.9 : 0;
     return { min, max: max * 1.03 };
   }
 

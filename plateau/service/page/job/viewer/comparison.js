@@ -6,7 +6,7 @@ import { several, whole } from "../../shared/figures.js";
 import { comparisonOf, WITH } from "../../shared/job_summary.js";
 import { slider } from "./slider.js";
 
-/** @import { Source } from "./image_layer.js" */
+/** @typedef {{ name?: string, png: string }} Source  an image, or a map */
 
 const NEWEST = "newest";
 
@@ -53,7 +53,7 @@ class Side {
     const preview = this.previews.find(({ spp }) => String(spp) === this.select.value);
     if (!preview) return [newestOf(job)];
     const name = `${whole(preview.spp)} spp`;
-    return [{ name, png: preview.link, version: "" }];
+    return [{ name, png: preview.link }];
   }
 }
 
@@ -152,7 +152,7 @@ function named(job) {
  * @returns {Source}
  */
 export function newestOf(job) {
-  return { name: nameOfNewest(job), png: job.links.image_png, version: job.finished_at };
+  return { name: nameOfNewest(job), png: job.links.image_png };
 }
 
 /** @param {Api.JobView} job */

@@ -5,14 +5,14 @@ import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { isByQuality, zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
+import { Picture } from "../../shared/picture.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { Exposure } from "./exposure.js";
-import { ImageLayer } from "./image_layer.js";
 import { ScaleBar } from "./scales.js";
 import { slider } from "./slider.js";
 import { Stage } from "./zoom_pan.js";
 
-/** @import { Source } from "./image_layer.js" */
+/** @import { Source } from "./comparison.js" */
 
 /**
  * A map over the image: its name, the link, and whether a job has it.
@@ -62,8 +62,8 @@ export class Viewer {
   #points = [];
   /** "image", "compare", or a map. */
   #mode = "image";
-  #lower = new ImageLayer();
-  #upper = new ImageLayer();
+  #lower = layer();
+  #upper = layer();
   #stage = new Stage([this.#lower.element, this.#upper.element], {
     wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
     flip: () => this.#mode === "compare" && this.#compare.flip(),
@@ -96,8 +96,7 @@ export class Viewer {
       this.#nothing, this.#stage.element, this.#caption, this.#compare.element, this.#map, this.#exposure.element);
     this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
-      this.#lower.letGo();
-      this.#upper.letGo();
+      for (const { picture } of [this.#lower, this.#upper]) picture.letGo();
     });
   }
 
@@ -142,15 +141,15 @@ export class Viewer {
     const mode = this.#mode;
     const [base, over] = this.#sources(job);
     await Promise.all([
-      this.#lower.show(base, this.#signal),
-      over && this.#upper.show(over, this.#signal),
+      this.#lower.picture.show(base.png, this.#signal),
+      over && this.#upper.picture.show(over.png, this.#signal),
     ]);
     if (over) this.#aboveOf = mode;
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
-    this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
-    this.#lower.describe(`The image of ${job.name} at ${whole(this.#lower.spp ?? job.spp)} spp`);
-    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? job.spp)} spp, at the right` : "");
+    this.#stage.fit(this.#lower.image.naturalWidth, this.#lower.image.naturalHeight);
+    this.#lower.image.alt = `The image of ${job.name} at ${whole(this.#lower.picture.spp ?? job.spp)} spp`;
+    this.#upper.image.alt = this.#mode === "compare" ? `The same at ${whole(this.#upper.picture.spp ?? job.spp)} spp, at the right` : "";
     this.#layers();
     this.#words();
   }
@@ -164,7 +163,7 @@ export class Viewer {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(job);
     const map = MAPS[this.#mode];
-    return map?.of(job) ? [newest, { png: job.links[map.link], version: newest.version }] : [newest];
+    return map?.of(job) ? [newest, { png: job.links[map.link] }] : [newest];
   }
 
   /** @param {string} mode */
@@ -198,7 +197,7 @@ export class Viewer {
     above.hidden = mode !== this.#aboveOf;
     above.style.opacity = MAPS[mode] ? `${this.#overlay.input.value}%` : "1";
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
-    for (const layer of [this.#lower, this.#upper]) layer.filter(MAPS[mode] ? "none" : this.#exposure.filter);
+    for (const { image } of [this.#lower, this.#upper]) image.style.filter = MAPS[mode] ? "none" : this.#exposure.filter;
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
@@ -207,7 +206,13 @@ export class Viewer {
     if (!job) return;
     const exposed = this.#exposure.filter === "none" ? "as its display shows it" : "at another exposure";
     const said = mode === "compare" ? this.#compare.caption() : MAPS[mode]?.words(job) ?? exposed;
-    const spp = this.#lower.spp && mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
+    const spp = this.#lower.picture.spp && mode !== "compare" ? `${whole(this.#lower.picture.spp)} spp` : "";
     setText(this.#caption, [job.width ? `${job.width} × ${job.height}` : "", spp, said].filter(Boolean).join(" · "));
   }
+}
+
+/** One of the two pictures. */
+function layer() {
+  const image = h("img", { alt: "", class: "layer", draggable: "false" });
+  return { image, picture: new Picture(image), element: h("div", { class: "side" }, image) };
 }
