@@ -81,6 +81,12 @@ def rendered(form: Page, farm: NoiseFarm) -> JobSpec:
 
 def test_another_rule_zones_and_denoising(form: Page, farm: NoiseFarm, scene: Path) -> None:
     choose(form, scene)
+    # Presets set the rule
+    form.get_by_role("button", name="To the eye's limit").click()
+    expect(form.get_by_role("radio", name="ColorVideoVDP")).to_be_checked()
+    for preset, noise in (("Draft", "1"), ("Final", "0.02")):
+        form.get_by_role("button", name=preset).click()
+        expect(form.get_by_label("Noise that may be left")).to_have_value(noise)
     form.get_by_label("The paper's plateau").first.check()
     form.get_by_label("Slope to stop at").fill("0.5")
     expect(form.get_by_label("All over the frame")).to_be_checked()
@@ -135,22 +141,6 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     assert [rule.name for rule in spec.watch] == ["reverse", "jod"]
     assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
     assert spec.notice.url == "https://studio.example/hooks/plateau"
-
-
-class TestPresets:
-    def test_set_the_rule(self, form: Page, farm: NoiseFarm, scene: Path) -> None:
-        choose(form, scene)
-        form.get_by_role("button", name="To the eye's limit").click()
-        expect(form.get_by_role("radio", name="ColorVideoVDP")).to_be_checked()
-        form.get_by_role("button", name="Draft").click()
-        expect(form.get_by_label("Noise that may be left")).to_have_value("1")
-        form.get_by_role("button", name="Final").click()
-        expect(form.get_by_label("Noise that may be left")).to_have_value("0.02")
-        form.get_by_role("button", name="Draft").click()
-        form.get_by_role("button", name="Render it").click()
-        expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-        rule = farm.jobs.get(form.url.rpartition("/")[2]).spec.rule
-        assert rule.model_dump() == {"name": "visible", "target": 0.01, "min_spp": 32}
 
 
 def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:

@@ -17,29 +17,21 @@ from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
 from tests.support.farms.staged_job import StagedJob
-from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
 PARAMETERS = {"width": "64", "height": "48"}
 
 
-def ended(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
-    """A job that was cancelled before it had begun."""
-    asked = {"parameters": PARAMETERS, **spec}
-    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(asked))}
+def posted(url: str, **spec: object) -> dict[str, Any]:
+    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(spec))}
     job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
-    farm.jobs.cancel(job["id"])
     return job
 
 
-def rendered(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
-    """A job that has reached its cap of 50 spp."""
-    short = {"step": 25, "slice_spp": 25, "max_spp": 50, "parameters": PARAMETERS, **spec}
-    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(short))}
-    job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
-    with farm.monitor():
-        farm.render(2)
-        until(lambda: farm.jobs.get(job["id"]).finished_at is not None, 60)
+def ended(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
+    """A job that was cancelled before it had begun."""
+    job = posted(url, parameters=PARAMETERS, **spec)
+    farm.jobs.cancel(job["id"])
     return job
 
 
@@ -127,7 +119,11 @@ def test_what_is_not_changed_is_as_it_was(
 def test_kept_slices_are_judged_again_under_another_view(
     visit: Visit, farm: NoiseFarm, url: str
 ) -> None:
-    job = rendered(farm, url, keep_slices=True, view={"pixels_per_degree": 57.0})
+    short = {"step": 25, "slice_spp": 25, "max_spp": 50, "parameters": PARAMETERS}
+    job = posted(url, **short, keep_slices=True, view={"pixels_per_degree": 57.0})
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(job["id"]).finished_at is not None, 60)
     page = visit(f"/submit?again={job['id']}", expected={404, 422}).page
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     page.get_by_label("Or pixels in a degree").fill("")
@@ -174,9 +170,7 @@ KILLED = "the render process was ended by SIGKILL while rendering a pass"
 @pytest.fixture
 def poisoned(farm: NoiseFarm, url: str) -> str:
     """A job on whose first slice the renderers of two workers died."""
-    asked = {"name": "kitchen", "max_spp": 400, "seed": 7}
-    files = {"scene": ("box.xml", scene()), "spec": ("spec.json", json.dumps(asked))}
-    job_id: str = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()["id"]
+    job_id: str = posted(url, name="kitchen", max_spp=400, seed=7)["id"]
     queues = [SliceQueue(farm.jobs._redis, name, 60) for name in ("west", "east", "west")]
     with farm.monitor():
         farm.queue = queues[0]

@@ -12,8 +12,7 @@ const PICTURE_EVERY_MS = 4000;
 
 /** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
  *   a job with the number of its workers, and its differences from the others of its batch */
-/** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
-/** @typedef {{ signal: AbortSignal, visible: Visible, selection: Selection }} RowContext */
+/** @typedef {{ signal: AbortSignal, selection: Selection }} RowContext */
 
 export class JobRow {
   #signal;
@@ -44,7 +43,7 @@ export class JobRow {
    * @param {ListedJob} job
    * @param {RowContext} context
    */
-  constructor(job, { signal, visible, selection }) {
+  constructor(job, { signal, selection }) {
     this.#job = job;
     this.#signal = signal;
     this.#selection = selection;
@@ -56,9 +55,10 @@ export class JobRow {
       h("p", { class: "figure" }, this.#spp, this.#cap),
       h("p", { class: "figure" }, this.#left, this.#leftOf),
       h("p", { class: "figure" }, this.#time, this.#who));
-    visible(this.element, (seen) => {
-      this.#seen = seen;
-      if (seen) this.#fetch();
+    // Only rows in sight fetch pictures.
+    this.element.addEventListener("contentvisibilityautostatechange", (event) => {
+      this.#seen = !(/** @type {ContentVisibilityAutoStateChangeEvent} */ (event).skipped);
+      if (this.#seen) this.#fetch();
     });
   }
 

@@ -66,26 +66,10 @@ export function open(main, { signal, go }) {
       h("div", { class: "filters" }, search, states.label, batches.label, shelves.label)),
     list, nothing, more, selection.element);
 
-  const context = { signal, visible, selection };
+  const context = { signal, selection };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
-
-  // Only visible rows fetch pictures.
-  /** @type {WeakMap<Element, (seen: boolean) => void>} */
-  const inSight = new WeakMap();
-  const observer = new IntersectionObserver((entries) => {
-    for (const entry of entries) inSight.get(entry.target)?.(entry.isIntersecting);
-  }, { rootMargin: "200px" });
-  signal.addEventListener("abort", () => observer.disconnect());
-  /**
-   * @param {Element} element
-   * @param {(seen: boolean) => void} tell
-   */
-  function visible(element, tell) {
-    inSight.set(element, tell);
-    observer.observe(element);
-  }
 
   /**
    * @param {string} name
