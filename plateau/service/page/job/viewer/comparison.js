@@ -32,14 +32,9 @@ class Side {
   async list(job, signal, isFirst) {
     /** @type {Api.PreviewList} */
     const { previews } = await get(job.links.previews, signal);
-    const isSame = job.id === this.job?.id && previews.length === this.previews.length && previews.every(({ spp }, at) => spp === this.previews[at].spp);
-    const value = (job.id === this.job?.id && this.select.value) || String(isFirst && previews.length ? previews[0].spp : NEWEST);
+    const value = this.select.value || String(isFirst && previews.length ? previews[0].spp : NEWEST);
     this.job = job;
     this.previews = previews;
-    if (isSame) {
-      setText(this.select.options[this.select.options.length - 1], nameOfNewest(job));
-      return;
-    }
     this.select.replaceChildren(...previews.map(({ spp }) => h("option", { value: spp }, `${whole(spp)} spp`)),
       h("option", { value: NEWEST }, nameOfNewest(job)));
     this.select.value = value;
