@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import ssl
 import subprocess
 import sys
@@ -62,14 +61,6 @@ def users(folder: Path) -> tuple[Path, Path]:
     acl = folder / "users.acl"
     acl.write_text(f"{printed}user {ROOT} on >{ROOT_PASSWORD.replace(' ', '_')} ~* &* +@all\n")
     return acl, passwords
-
-
-def free_port() -> int:
-    """A port at which nobody listens."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
 
 
 class Server:

@@ -16,6 +16,8 @@ from types import TracebackType
 
 import httpx
 
+from tests.support.processes.ports import free_ports
+
 BUCKET = "farm"
 KEY, SECRET = "plateau", "secret-of-the-tests"
 
@@ -43,7 +45,7 @@ class S3Server:
         self.data = folder / "data"
         (self.data / BUCKET).mkdir(parents=True)
         self._log = folder / "log"
-        self._address = f"127.0.0.1:{_free_port()}"
+        self._address = f"127.0.0.1:{free_ports()[0]}"
         self.endpoint = f"{'https' if certificate else 'http'}://{self._address}"
         if program.name == "minio":
             options = ("server", "--quiet", "--address", self._address, str(self.data))
@@ -233,9 +235,3 @@ class Network:
         for one in (client, server):
             with contextlib.suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-    return port

@@ -18,12 +18,12 @@ from tests.cluster.support_bare import (
     answers,
     certificates,
     credentials,
-    free_port,
     tls_options,
     users,
 )
 from tests.support.farms.real_farm import BOX
 from tests.support.farms.receiver import SECRET, Receiver, receiving
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 SIZE = {"width": 32, "height": 32}
@@ -52,7 +52,7 @@ class Place:
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path]) -> Iterator[Place]:
     folder = tmp_path_factory.mktemp("bare")
-    tls, (acl, passwords), port = certificates(folder / "tls"), users(folder), free_port()
+    tls, (acl, passwords), port = certificates(folder / "tls"), users(folder), free_ports()[0]
     configuration = Path(__file__).parents[2] / "deploy" / "redis" / "redis.conf"
     lines = [
         f"include {configuration}",

@@ -17,11 +17,11 @@ from tests.cluster.support_bare import (
     answers,
     certificates,
     credentials,
-    free_port,
     tls_options,
     users,
 )
 from tests.support.farms.real_farm import BOX
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 NAME = "plateau"
@@ -44,7 +44,7 @@ class Watched:
     def __init__(self, folder: Path, tool: Callable[[str], Path]) -> None:
         self.tls = certificates(folder / "tls")
         acl, self.passwords = users(folder)
-        self.ports = [free_port() for _ in range(3)]
+        self.ports = free_ports(3)
         self.servers = {
             port: Server(
                 tool("redis-server"),
@@ -66,7 +66,7 @@ class Watched:
         }
         for port in self.ports:
             answers(self.client(port))
-        self.sentinels = [free_port() for _ in range(3)]
+        self.sentinels = free_ports(3)
         self._watchers = [
             Server(
                 tool("redis-sentinel"),
