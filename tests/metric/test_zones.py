@@ -26,12 +26,6 @@ def test_fractions_weigh_up_to_the_whole():
     assert (fractions * np.outer(rows, columns)).sum() == pytest.approx(visible.sum())
 
 
-def test_a_visible_corner_shows_in_its_zone_alone():
-    visible = np.zeros((64, 64), bool)
-    visible[48:, 48:] = True
-    assert zone_fractions(visible, (2, 2)).tolist() == [[0, 0], [0, 0.25]]
-
-
 @pytest.mark.parametrize(("size", "zones"), [(0, 4), (4, 0), (-1, 1)])
 def test_nothing_has_no_zones(size, zones):
     with pytest.raises(ValueError, match="zones"):

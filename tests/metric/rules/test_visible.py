@@ -1,11 +1,9 @@
 """The rule `visible` and its forecast, on noise of which the truth is known."""
 
-import json
-
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Memory, View, Visible, VisibleDifferences, forecast
+from plateau.metric import Evidence, Half, View, Visible, VisibleDifferences, forecast
 
 METRIC = VisibleDifferences(View())
 SIDE = 64
@@ -105,29 +103,11 @@ def test_without_halves_it_waits():
     assert "two halves" in verdict.reason
 
 
-def test_it_stores_no_image_and_goes_on_after_a_restart():
-    story = [evidence(spp) for spp in (NOISY, 400, 800, CLEAN, CLEAN + 100)]
-    first = Visible(min_spp=1)
-    for number, seen in enumerate(story):
-        second = Visible(min_spp=1)
-        memory = first.memory()
-        second.recall(Memory(json.loads(json.dumps(memory.numbers)), memory.images))
-        assert second.judge(seen).numbers == first.judge(seen).numbers, number
-    assert first.memory().images == {}
-    assert first.stored_images(10) == 0
-
-
 def test_its_trend_is_of_the_evaluations_since_half_the_samples():
     rule = Visible(min_spp=1)
     for spp in range(100, 1100, 100):
         rule.judge(evidence(spp))
     assert [spp for spp, _ in rule.memory().numbers["points"]] == [500, 600, 700, 800, 900, 1000]
-
-
-@pytest.mark.parametrize("target", [0.0, 1.0, -0.1, float("nan")])
-def test_its_target_is_a_share(target):
-    with pytest.raises(ValueError, match="target"):
-        Visible(target=target)
 
 
 class TestForecast:
