@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from plateau.metric.rules.successive import Successive
     from plateau.metric.rules.visible import Visible
     from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
-    from plateau.metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "MAP_PALETTE",
@@ -92,8 +91,6 @@ __all__ = [
     "plan_round",
     "samples_map",
     "visible_differences",
-    "zone_edges",
-    "zone_fractions",
 ]
 
 _HOMES: Final = {
@@ -125,7 +122,6 @@ _HOMES: Final = {
     "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
     "vdp": ("Difference", "Percept", "VisibleDifferences", "visible_differences"),
-    "zones": ("zone_edges", "zone_fractions"),
 }
 _HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}
 

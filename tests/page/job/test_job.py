@@ -17,11 +17,10 @@ from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.metric import encode_srgb
-from plateau.metric.zones import zone_edges
 from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.support.farms.live_api import live_api
-from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.browser import Visitor
 from tests.support.until import until
@@ -218,19 +217,6 @@ def test_the_image_has_maps_over_it(shown: Page, finished: Finished) -> None:
     expect(shown.locator(".facts")).to_contain_text(re.compile(r"200 spp(?! \()"))
     shown.get_by_label("Overlay").fill("40")
     expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
-    # And zones, whose noise is read out
-    shown.get_by_role("button", name="Zones").click()
-    rects = shown.locator(".zones rect")
-    zones = finished.farm.jobs.curve(finished.job.id)[-1].zones
-    assert zones is not None
-    fractions = zones.visible_fraction
-    expect(rects).to_have_count(len(fractions) * len(fractions[0]))
-    edges = zone_edges(SIZE[1], len(fractions[0]))
-    xs = [float(x) for x in rects.evaluate_all("all => all.map(one => one.getAttribute('x'))")]
-    assert sorted(set(xs)) == edges[:-1]
-    shown.get_by_label("By zones").select_option("visible_fraction")
-    worst = f"{100 * max(max(row) for row in fractions):.3g} %".replace(" ", "\u00a0")[:4]
-    expect(shown.locator(".zones")).to_contain_text(worst)
 
 
 def test_the_curve_is_read_by_keyboard_and_mouse_on_any_axis_and_as_a_table(

@@ -67,8 +67,8 @@ export class SpecForm {
    * @param {Api.JobSpec} spec
    */
   fill(spec) {
-    const { zones, frame_seed, view, aovs } = spec;
-    this.#kept = { zones, frame_seed };
+    const { frame_seed, view, aovs } = spec;
+    this.#kept = { frame_seed };
     this.#keptView = view.focus ? { focus: view.focus } : {};
     for (const part of [this.#limits, this.#more, this.#workers]) part.fill(spec);
     this.#notice.fill({ targets: spec.notice.targets });

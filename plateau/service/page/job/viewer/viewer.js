@@ -10,14 +10,13 @@ import { Exposure } from "./exposure.js";
 import { ImageLayer } from "./image_layer.js";
 import { qualityPanel, SamplesScale } from "./scales.js";
 import { slider } from "./slider.js";
-import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
 
 /** @import { Source } from "./image_layer.js" */
 
 /** A fetch that takes longer is announced. */
 const SOON_MS = 400;
-/** @typedef {"image" | "compare" | "difference" | "noise" | "quality" | "samples" | "broken" | "zones"} Mode */
+/** @typedef {"image" | "compare" | "difference" | "noise" | "quality" | "samples" | "broken"} Mode */
 /** @type {[Mode, string][]} */
 const MODES = [
   ["image", "Image"],
@@ -27,11 +26,10 @@ const MODES = [
   ["quality", "Quality"],
   ["samples", "Samples"],
   ["broken", "Broken"],
-  ["zones", "Zones"],
 ];
 
 /** @type {Mode[]} */
-const ALWAYS = ["image", "compare", "difference", "noise", "zones"];
+const ALWAYS = ["image", "compare", "difference", "noise"];
 
 /**
  * Maps over the image, by mode: the link, and whether a job has the map.
@@ -55,9 +53,8 @@ export class Viewer {
   #mode = "image";
   #lower = new ImageLayer();
   #upper = new ImageLayer();
-  #zones = new ZoneMap();
   #scale = new SamplesScale();
-  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], {
+  #stage = new Stage([this.#lower.element, this.#upper.element], {
     wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
     flip: () => this.#mode === "compare" && this.#compare.flip(),
   });
@@ -81,13 +78,6 @@ export class Viewer {
   constructor(signal) {
     this.#signal = signal;
     this.#compare = new Comparison(() => { this.#listed = ""; this.#choose(); }, () => { this.#layers(); this.#words(); }, signal);
-    const zones = h("select", {},
-      h("option", { value: "estimate_fraction" }, "noise left"),
-      h("option", { value: "visible_fraction" }, "changed since the first image"));
-    zones.addEventListener("change", () => {
-      this.#zones.measure(zones.value === "estimate_fraction" ? "estimate_fraction" : "visible_fraction");
-      this.#words();
-    });
     /** @type {Partial<Record<Mode, HTMLElement>>} */
     this.#panels = {
       compare: this.#compare.element,
@@ -99,7 +89,6 @@ export class Viewer {
       samples: this.#scale.element,
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
-      zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
     };
     this.#modes = new Map(MODES.map(([mode, text]) =>
       [mode, h("button", { "data-mode": mode, hidden: !ALWAYS.includes(mode), onclick: () => this.#turn(mode) }, text)]));
@@ -124,7 +113,6 @@ export class Viewer {
   async show(job, points) {
     this.#job = job;
     this.#points = points;
-    this.#zones.show(job, points[points.length - 1]);
     this.#modes.get("broken")?.toggleAttribute("hidden", !job.non_finite_pixels);
     this.#modes.get("quality")?.toggleAttribute("hidden", !isByQuality(job));
     this.#modes.get("samples")?.toggleAttribute("hidden", !zoneSize(job));
@@ -191,7 +179,6 @@ export class Viewer {
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
     this.#exposure.element.hidden = !isOfLight(mode);
     if (isOverlaid(mode)) this.#panels[mode]?.prepend(this.#overlay.label);
-    this.#zones.element.toggleAttribute("hidden", mode !== "zones");
     this.#layers();
     this.#words();
     this.#choose();
@@ -240,7 +227,6 @@ export class Viewer {
       quality: job.estimate_fraction == null ? "known from the second slice on" : "where a person would see the noise",
       samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
       broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
-      zones: this.#zones.caption(),
     };
     setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));
   }
