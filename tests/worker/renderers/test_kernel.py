@@ -280,12 +280,6 @@ class TestChannels:
         assert set(np.unique(film["id.shape"])) <= {0.0, 1.0, 2.0, 3.0}
         assert len(np.unique(film["id.shape"])) >= 3
 
-    def test_colour_does_not_depend_on_aovs(self, mitsuba, tmp_path):
-        mitsuba.load(_scene(tmp_path))
-        expected = mitsuba.render_pass(16, 3)
-        mitsuba.load(_scene(tmp_path), aovs=("normal", "shape_id"))
-        assert np.array_equal(mitsuba.render_pass(16, 3)[..., :4], expected)
-
     def test_a_scene_has_aovs_of_its_own(self, mitsuba, tmp_path):
         loaded = mitsuba.load(
             _scene(tmp_path, **CASES["AOVs and hidden lights"]),
