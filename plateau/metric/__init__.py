@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         half_buffer_estimate,
     )
     from plateau.metric.focus import focus_plane
-    from plateau.metric.forecasts import Forecast, forecast
+    from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
@@ -82,7 +82,6 @@ __all__ = [
     "encode_srgb",
     "estimate_from",
     "focus_plane",
-    "forecast",
     "half_buffer_estimate",
     "heat_map",
     "noise_map",
@@ -99,7 +98,7 @@ _HOMES: Final = {
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
     "focus": ("focus_plane",),
-    "forecasts": ("Forecast", "forecast"),
+    "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
     "pictures": (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, View, Visible, VisibleDifferences, forecast
+from plateau.metric import Evidence, Half, View, Visible, VisibleDifferences
 
 METRIC = VisibleDifferences(View())
 SIDE = 64
@@ -115,14 +115,14 @@ class TestForecast:
         # Given noise whose law is known, forecast from four times as noisy an image
         target, now = 0.02, 1600
         seen = evidence(now)
-        foretold = forecast(METRIC, seen.image, seen.halves, target)
+        foretold = seen.forecast(target)
         assert foretold.spp is not None
         assert foretold.low_spp <= foretold.spp <= foretold.high_spp
         # Then, in most of twenty tries, the true crossing lies within the band
         inside = 0
         for seed in range(20):
             seen = evidence(now, seed)
-            band = forecast(METRIC, seen.image, seen.halves, target)
+            band = seen.forecast(target)
             low = evidence(band.low_spp, seed + 100).estimate.fraction
             high = evidence(band.high_spp, seed + 200).estimate.fraction
             inside += high <= 1.1 * target and low >= 0.9 * target
@@ -131,14 +131,14 @@ class TestForecast:
 
     def test_what_is_reached_is_reached_now(self):
         seen = evidence(CLEAN)
-        foretold = forecast(METRIC, seen.image, seen.halves, 0.01)
+        foretold = seen.forecast(0.01)
         assert foretold.spp == foretold.low_spp == foretold.high_spp == CLEAN
 
     def test_a_lower_target_takes_longer(self):
         seen = evidence(1600)
-        spps = [forecast(METRIC, seen.image, seen.halves, t).spp for t in (0.1, 0.03, 0.01)]
+        spps = [seen.forecast(t).spp for t in (0.1, 0.03, 0.01)]
         assert spps == sorted(spps)
 
     def test_out_of_reach_is_said(self):
         seen = evidence(2, sigma=1000.0)
-        assert forecast(METRIC, seen.image, seen.halves, 1e-3).spp is None
+        assert seen.forecast(1e-3).spp is None
