@@ -188,17 +188,6 @@ def test_previews_are_merged_again_from_slices_or_refused(
             is_refused(answer, blob)
 
 
-def test_a_report_says_which_picture_is_damaged(
-    farm: NoiseFarm, client: redis.Redis, api: httpx.Client
-) -> None:
-    job = finished(farm)
-    stands_on_nothing(farm, client, job)
-    spoil(farm, f"{farm.jobs.results(job.id)}/difference.png")
-    report = api.get(f"/v1/jobs/{job.id}/report.html").text
-    assert "difference.png is damaged in the farm's store" in report
-    assert report.count("data:image/png") == 4
-
-
 def test_a_job_that_goes_on_shows_no_damaged_image_of_the_first(
     farm: NoiseFarm, client: redis.Redis, api: httpx.Client
 ) -> None:
