@@ -128,7 +128,7 @@ class TestThePatchOfASpec:
             {"rule": {"window": 7}},  # of two rules, of which the old job has one
             {"watch": [{"name": "reverse"}, {"name": "visible", "target": 0.1}]},
             {"view": {"exposure_ev": -1, "primaries": None}},
-            {"zones": [2, 3], "notice": {"url": "https://studio.example/"}},
+            {"requires": ["gpu"], "notice": {"url": "https://studio.example/"}},
             {"parameters": {"width": 64, "film": None}},
         ):
             assert violations(document, PATCH, changes) == []

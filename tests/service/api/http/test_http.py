@@ -166,7 +166,6 @@ class TestAWholeNumber:
             "max_spp": 200.0,
             "step": 1e2,
             "min_spp": 10.0,
-            "zones": [2.0, 3],
             "rule": {"name": "fixed", "spp": 100.0},
             "watch": [{"name": "reverse", "window": 6.0}],
             "view": {"exposure_ev": 1.0},
@@ -175,11 +174,10 @@ class TestAWholeNumber:
         answer = submit(http, spec=asked)
         assert answer.status_code == 201, answer.text
         spec = answer.json()["spec"]
-        assert {name: spec[name] for name in ("max_spp", "step", "min_spp", "zones")} == {
+        assert {name: spec[name] for name in ("max_spp", "step", "min_spp")} == {
             "max_spp": 200,
             "step": 100,
             "min_spp": 10,
-            "zones": [2, 3],
         }
         assert (spec["rule"]["spp"], spec["priority"]) == (100, 7)
         assert spec["watch"][0]["window"] == 6
