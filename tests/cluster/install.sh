@@ -35,6 +35,37 @@ go_tool() {
   echo "$module" > "$bin/.$name"
 }
 
+# our_program NAME [LDFLAGS]: build a program of tests/cluster/kubernetes/programs, once for each state
+# of it. Its go.mod names what it imports; the versions of the rest follow from those.
+our_program() {
+  local name=$1 bin=$PWD/.cluster-tools/bin from=tests/cluster/kubernetes/programs/$1 made
+  if [ -x "$bin/$name" ] && [ "$(cat "$bin/.$name" 2>/dev/null)" = "$(cat "$from"/*)" ]; then return; fi
+  need_go
+  say "building $name (minutes, once)"
+  made=$(mktemp -d) && cp "$from"/* "$made/"
+  (cd "$made" && CGO_ENABLED=0 go build -mod=mod -trimpath -gcflags='all=-N -l' \
+    -ldflags="-s -w ${2:-}" -o "$bin/$name")
+  rm -r "$made"
+  cat "$from"/* > "$bin/.$name"
+}
+
+# KEDA's two programs, with the libraries that its own go.mod names, and the objects that install it.
+keda() {
+  local bin=$PWD/.cluster-tools/bin module=github.com/kedacore/keda/v2@v2.21.0 from name
+  if [ "$(cat "$bin/.keda" 2>/dev/null)" = $module ]; then return; fi
+  need_go
+  say "building keda (ten minutes, once)"
+  from=$(module_dir $module)
+  for name in keda=operator keda-adapter=adapter; do
+    (cd "$from" && CGO_ENABLED=0 go build -trimpath -gcflags='all=-N -l' -ldflags='-s -w' \
+      -o "$bin/${name%=*}" "./cmd/${name#*=}")
+  done
+  "$bin/kubectl" kustomize "$from/config/minimal" \
+    | sed 's|image: ghcr.io/.*|image: plateau.test/keda:2.21.0|; s|\(imagePullPolicy:\) Always|\1 Never|' \
+    > .cluster-tools/keda.yaml
+  echo $module > "$bin/.keda"
+}
+
 # All that Debian's Redis 7 is lies in redis-tools, which starts no server.
 debian_redis() {
   command -v redis-check-rdb >/dev/null || apt_install redis-tools
@@ -79,6 +110,29 @@ install_bare() {
 install_image() {
   [ "${CLUSTER_TESTS:-long}" = long ] || return 0
   command -v buildah >/dev/null && command -v mmdebstrap >/dev/null || apt_install buildah mmdebstrap
+}
+
+# A Kubernetes of one node, and images of the farm (a quarter of an hour, once); it has no short form.
+install_kubernetes() {
+  [ "${CLUSTER_TESTS:-long}" = long ] || return 0
+  local name version=1.34.2 set="-X k8s.io/component-base/version"
+  for name in conntrack containerd debootstrap etcd ip iptables runc /usr/lib/cni/bridge; do
+    if ! PATH=$PATH:/usr/sbin:/sbin command -v $name >/dev/null; then
+      apt_install conntrack containerd containernetworking-plugins debootstrap etcd-server iproute2 iptables runc
+      break
+    fi
+  done
+  install_chart
+  debian_redis
+  our_program coredns
+  our_program kube "$set.gitVersion=v$version $set.gitMajor=1 $set.gitMinor=34"
+  for name in kube-apiserver kube-controller-manager kube-proxy kube-scheduler kubectl kubelet; do
+    ln -sf kube ".cluster-tools/bin/$name"
+  done
+  keda
+  go_tool versitygw github.com/versity/versitygw/cmd/versitygw@v1.8.0
+  say "building images (minutes, and seconds where little has changed)"
+  .venv/bin/python -m tests.cluster.kubernetes.images
 }
 
 # Networks that fail, by losing packets.

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from plateau.client import Client, PointEvent
 from plateau.farm.model.job import Event
@@ -96,7 +97,10 @@ class Watched:
 class People:
     """Submit jobs one after the other, each at an API of their own, and watch each to its end."""
 
-    def __init__(self, urls: list[str]) -> None:
+    def __init__(
+        self, urls: list[str], key: str | None = None, spec: dict[str, Any] = SPEC
+    ) -> None:
+        self._key, self._spec = key, JobSpec.model_validate(spec)
         self.watched: list[Watched] = []
         self.troubles: list[BaseException] = []
         self._over = threading.Event()
@@ -116,9 +120,9 @@ class People:
             thread.join()
 
     def _use(self, url: str) -> None:
-        with Client(url, patience_s=PATIENCE_S) as client:
+        with Client(url, key=self._key, patience_s=PATIENCE_S) as client:
             while not self._over.is_set():
-                watched = Watched(client.submit(BOX, JobSpec.model_validate(SPEC)).id)
+                watched = Watched(client.submit(BOX, self._spec).id)
                 self.watched.append(watched)
                 for event in client.events(watched.job_id):
                     watched.events.append(event)
