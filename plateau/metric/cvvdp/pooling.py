@@ -14,6 +14,7 @@ from plateau.metric.cvvdp.parameters import (
     COLOURS,
     EPSILON,
     FRAME_EXPONENT,
+    GREATEST_DIFFERENCE,
     JOD_EXPONENT,
     JOD_SCALE,
     LINEAR_BELOW,
@@ -72,6 +73,35 @@ def pooled_difference(differences: ArrayLike) -> float:
     return viewing_weight(channels) * float(norm(of_channels, CHANNEL_EXPONENT, axis=0))
 
 
+def shares_by_zone(means: Array) -> Array:
+    """Return what each zone has of Q⁴, and what more samples would take away: (2, rows, columns).
+
+    Parameters
+    ----------
+    means
+        Sums of D² and D³ over each zone, over the pixels of the band: (channels, bands, rows,
+        columns, 2), without the base band, which has less than a thousandth of Q⁴.
+
+    Notes
+    -----
+    Up to the still's weight, Q⁴ is Σ w⁴ M² over bands and channels, with M the mean of D² over a
+    band's pixels. A zone z has L_z = Σ w⁴ M ⟨D²⟩_z of it, where ⟨D²⟩_z is the zone's part of M.
+
+    Noise that is t times as strong makes D/(1 − D/g) t^p times as large, with g the greatest
+    difference. So with n_z samples per pixel n_z ∂Q⁴/∂n_z = −2p G_z with
+    G_z = Σ w⁴ M ⟨D² − D³/g⟩_z.
+
+    Examples
+    --------
+    >>> shares_by_zone(np.array([[[[[2.0, 0.0], [1.0, 0.0]]]]])).tolist()
+    [[[6.0, 3.0]], [[6.0, 3.0]]]
+    """
+    weights = np.array(CHANNEL_WEIGHTS[: len(means)]) ** CHANNEL_EXPONENT
+    scale = weights[:, np.newaxis] * means[..., 0].sum(axis=(2, 3))
+    squares, cubes = np.einsum("cb,cbyxp->pyx", scale, means)
+    return np.stack([squares, squares - cubes / 10**GREATEST_DIFFERENCE])
+
+
 def viewing_weight(channels: int) -> float:
     """Return by what the difference of an image with this many channels is multiplied.
 
@@ -107,3 +137,17 @@ def jod(difference: ArrayLike) -> Array:
     line = JOD_SCALE * LINEAR_BELOW ** (JOD_EXPONENT - 1) * q
     curve = JOD_SCALE * np.maximum(q, LINEAR_BELOW) ** JOD_EXPONENT
     return np.where(q <= LINEAR_BELOW, 10 - line, 10 - curve)
+
+
+def difference_of(quality: float) -> float:
+    """Return the pooled difference Q of a quality in JOD of at most 10: the inverse of `jod`.
+
+    Examples
+    --------
+    >>> round(difference_of(float(jod(10.0))), 6), round(difference_of(float(jod(0.05))), 6)
+    (10.0, 0.05)
+    """
+    lost = (10 - quality) / JOD_SCALE
+    if lost <= LINEAR_BELOW**JOD_EXPONENT:
+        return float(lost * LINEAR_BELOW ** (1 - JOD_EXPONENT))
+    return float(lost ** (1 / JOD_EXPONENT))

@@ -13,6 +13,7 @@ from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import Quality, QualityModel
+from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,7 +119,7 @@ class Evidence:
 
     @cached_property
     def _quality_model(self) -> QualityModel | None:
-        if self._model is None or min(self.percept.shape) < LEAST_SIZE:
+        if self._model is None or min(self.image.shape[:2]) < LEAST_SIZE:
             return None
         return QualityModel(self._model[0], self.metric.view)
 
@@ -166,6 +167,36 @@ class Evidence:
             model,
             clean,
             estimate,
+            target,
+            spp=spp,
+            planned=planned,
+            size=size,
+            sizes=SMALL_ROUNDS if self.error is None else LARGE_ROUNDS,
+        )
+
+    def quality_allocation(
+        self,
+        target: float,
+        *,
+        spp: NDArray[np.int64],
+        planned: NDArray[np.int64],
+        size: int,
+    ) -> Allocation | None:
+        """Return the next round of samples by zones for a target in JOD; None without a quality.
+
+        The parameters are those of `plateau.metric.quality_allocation.plan_by_quality`. Of a
+        denoised image it is as in `allocation`.
+        """
+        if self._model is None or min(self.image.shape[:2]) < LEAST_SIZE:
+            return None
+        model = self._model[0]
+        if self.error is not None:
+            likely = self._quality_model
+            if likely is not None and likely.quality.low_jod >= target:
+                model = self.error.greatest
+        return plan_by_quality(
+            model,
+            self.metric.view,
             target,
             spp=spp,
             planned=planned,

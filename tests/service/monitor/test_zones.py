@@ -41,7 +41,17 @@ DENOISED = {
     "rule": {"name": "visible", "target": 0.01, "min_spp": 1},
     "denoise": {"name": "oidn", "guides": False},
 }
-EITHER = pytest.mark.parametrize("spec", [JOB, DENOISED], ids=["as it is", "denoised"])
+BY_QUALITY = {
+    **JOB,
+    "rule": {"name": "jod", "target": 9.5, "min_spp": 1},
+    "view": {"pixels_per_degree": 20},
+}
+ANY = pytest.mark.parametrize(
+    "spec", [JOB, DENOISED, BY_QUALITY], ids=["as it is", "denoised", "by quality"]
+)
+MOST = pytest.mark.parametrize(
+    "spec", [JOB, BY_QUALITY, *rare(DENOISED)], ids=["as it is", "by quality", "denoised"]
+)
 MOSTLY = pytest.mark.parametrize("spec", [JOB, *rare(DENOISED)], ids=["as it is", "denoised"])
 
 
@@ -81,7 +91,7 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> LopsidedFarm:
     return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
-@EITHER
+@ANY
 def test_noisy_zones_have_more_samples_than_calm_ones(
     farm: NoiseFarm, spec: dict[str, object]
 ) -> None:
@@ -108,7 +118,7 @@ def test_noisy_zones_have_more_samples_than_calm_ones(
     assert ("denoised.weight" in layers) == (spec is DENOISED)
 
 
-@MOSTLY
+@MOST
 def test_its_image_depends_on_no_monitor_and_no_order(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, spec: dict[str, object]
 ) -> None:
@@ -120,6 +130,15 @@ def test_its_image_depends_on_no_monitor_and_no_order(
     images = [decode_layers(farm.picture(job, "image.exr")) for job in (one, other)]
     for name, values in images[0].items():
         np.testing.assert_array_equal(values, images[1][name])
+
+
+def test_by_quality_the_target_says_how_many_samples_a_round_has(farm: NoiseFarm) -> None:
+    rules = ({"name": "jod", "target": target, "min_spp": 1} for target in (9.0, 9.9))
+    near, far = (finished(farm, **{**BY_QUALITY, "rule": rule, "max_spp": 240}) for rule in rules)
+    first = [farm.jobs.plan(job).decided[0] for job in (near, far)]
+    assert first[0].samples < first[1].samples
+    forecasts = [farm.jobs.curve(job.id)[0].forecast_spp or 0 for job in (near, far)]
+    assert 80 < forecasts[0] < forecasts[1]
 
 
 def curve(farm: NoiseFarm, job: Job) -> list[dict[str, object]]:
