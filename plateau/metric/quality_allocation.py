@@ -25,8 +25,7 @@ from plateau.metric.allocation import (
     next_round,
     require_zones,
 )
-from plateau.metric.cvvdp.parameters import DIFFERENCE_EXPONENT
-from plateau.metric.cvvdp.pooling import difference_of
+from plateau.metric.cvvdp.parameters import DIFFERENCE_EXPONENT, JOD_EXPONENT
 from plateau.metric.quality import BEST_JOD, FURTHEST, LEAST_LOST, QualityModel
 from plateau.metric.zone_noise import zone_sums
 
@@ -80,9 +79,10 @@ def plan_by_quality(
         n*_z = n_z max(1, (G_z / (A_z n_z λ))^(1/(1 + p)))  with  Σ L_z (n*_z/n_z)^-p = r Σ L_z,
 
     where p = 2.264 is the model's exponent of differences, and r = min(0.97, 0.95 (Q*/Q)²) for the
-    target's pooled difference Q* and the present Q. A difference near the greatest falls more
-    slowly at first. So the exponent is too large for noisy zones now, and right later: the next
-    image tells. Steps by each zone's present exponent are too long.
+    target's pooled difference Q* and the present Q; 10 - JOD is a power of Q. The price is found by
+    bisection. A difference near the greatest falls more slowly at first. So the exponent is too
+    large for noisy zones now, and right later: the next image tells. Steps by each zone's present
+    exponent are too long.
 
     A pixel of a coarser band belongs to the zone of its first pixel of the image. Pixels that are
     not finite lose nothing. A focus has no weight, since it has none in the quality.
@@ -107,8 +107,8 @@ def plan_by_quality(
     assert quality.zones is not None  # as asked
     total = float((planned * pixels).sum())
     least = max(sizes.least * total, float(pixels.sum()))
-    now, aim = (difference_of(min(jod, BEST_JOD - LEAST_LOST)) for jod in (quality.jod, target))
-    ratio = min(_MOST, _AIM * (aim / now) ** 2)
+    aim, now = (max(BEST_JOD - jod, LEAST_LOST) for jod in (target, quality.jod))
+    ratio = min(_MOST, _AIM * (aim / now) ** (2 / JOD_EXPONENT))
     needed = _needed(quality.zones, pixels, spp, planned, ratio, total + least)
     zones, more = next_round(needed, planned, pixels, least, sizes)
     return Allocation(zones, math.ceil(more), needed)

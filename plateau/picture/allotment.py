@@ -56,17 +56,12 @@ def allotment(
     spp
         Samples per pixel of each zone in the image, (rows, columns).
     quality_target
-        The quality to reach, in JOD, if that counts instead of the noise. An image that is too
-        small for it goes by the noise.
+        The quality to reach, in JOD, if that counts instead of the noise.
     """
-    grid, planned = plan.grid, _planned(plan)
-    allocated = None
-    if quality_target is not None:
-        allocated = evidence.quality_allocation(
-            quality_target, spp=spp, planned=planned, size=grid.size
-        )
-    if allocated is None:
-        allocated = evidence.allocation(target, spp=spp, planned=planned, size=grid.size)
+    grid = plan.grid
+    allocated = evidence.allocation(
+        target, spp=spp, planned=_planned(plan), size=grid.size, quality_target=quality_target
+    )
     assert allocated is not None  # the image is that of a round, which has two halves
     chosen = np.flatnonzero(allocated.zones)
     areas = np.array([zone.width * zone.height for zone in grid.zones()])

@@ -138,7 +138,7 @@ def test_a_zone_is_never_forgotten_and_fireflies_do_not_have_everything():
     assert found.needed[3, 3] >= LEAST_SHARE * found.needed.mean() > ahead[3, 3]
 
 
-def test_black_and_broken_images_and_small_ones_have_a_plan_or_none():
+def test_black_and_broken_images_and_small_ones_have_a_plan():
     black = film(np.zeros((40, 56)))
     black.sums[:] = 0
     found = plan(black)
@@ -154,7 +154,7 @@ def test_black_and_broken_images_and_small_ones_have_a_plan_or_none():
     pixel = np.full((3, 8, 3), 0.4, np.float32)
     small = Evidence(100, pixel, (Half(pixel, 50), Half(pixel, 50)), METRIC)
     spp = np.full((1, 1), 100)
-    assert small.quality_allocation(9.5, spp=spp, planned=spp, size=SIZE) is None
+    assert small.allocation(0.01, spp=spp, planned=spp, size=SIZE, quality_target=9.5).zones.all()
 
 
 def test_a_denoised_image_goes_where_its_error_may_be_greater():
@@ -163,7 +163,7 @@ def test_a_denoised_image_goes_where_its_error_may_be_greater():
     error = BlendError(one.judged()[0], other.judged()[0])
     seen = Evidence(100, image, None, CompiledVisibleDifferences(VIEW), error=error)
     rounds = [
-        seen.quality_allocation(target, spp=one.spp, planned=one.spp, size=SIZE)
+        seen.allocation(0.01, spp=one.spp, planned=one.spp, size=SIZE, quality_target=target)
         for target in (9.9, 1.5)
     ]
     assert rounds[0].zones[:2, 2:].any()

@@ -137,17 +137,3 @@ def jod(difference: ArrayLike) -> Array:
     line = JOD_SCALE * LINEAR_BELOW ** (JOD_EXPONENT - 1) * q
     curve = JOD_SCALE * np.maximum(q, LINEAR_BELOW) ** JOD_EXPONENT
     return np.where(q <= LINEAR_BELOW, 10 - line, 10 - curve)
-
-
-def difference_of(quality: float) -> float:
-    """Return the pooled difference Q of a quality in JOD of at most 10: the inverse of `jod`.
-
-    Examples
-    --------
-    >>> round(difference_of(float(jod(10.0))), 6), round(difference_of(float(jod(0.05))), 6)
-    (10.0, 0.05)
-    """
-    lost = (10 - quality) / JOD_SCALE
-    if lost <= LINEAR_BELOW**JOD_EXPONENT:
-        return float(lost * LINEAR_BELOW ** (1 - JOD_EXPONENT))
-    return float(lost ** (1 / JOD_EXPONENT))
