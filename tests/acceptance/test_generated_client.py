@@ -73,7 +73,7 @@ def test_submits_a_zip_waits_and_fetches_an_exr(farm: RealFarm, call: Callable[.
         slice_spp=4,
         max_spp=16,
         rule=models.FixedSpec(spp=16),
-        parameters=models.JobSpecParametersType0.from_dict({"width": 32, "height": 24}),
+        parameters=models.JobSpecParameters.from_dict({"width": 32, "height": 24}),
     )
     body = models.SubmitJobBody(scene=scene, spec=spec)
     # If it is submitted, and again with the same key, then it is one job

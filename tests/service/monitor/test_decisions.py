@@ -246,7 +246,10 @@ CASES: list[tuple[Known, steps.Step]] = [
         ended_denoised(merged=1, ledger=READ, concluded=False),
         steps.ConcludeJob("merged", 25, ()),
     ),
-    (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.MergeSlice(4)),
+    (ended(merged=4, judged=4, concluded=False, in_hand=1), steps.MergeSlice(4)),
+    # It was cancelled while a point of its curve was due
+    (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.JudgeImage()),
+    (ended(merged=4, judged=4, spp=75, answer=NO_STOP, concluded=False), steps.RecordPoint()),
     (ended(concluded=False), steps.ReadLedger(range(BATCH))),
     (ended(JobState.CONVERGED, spp=100, concluded=False), steps.ReadLedger(range(4))),
     (ended(JobState.FAILED, image_spp=25, concluded=False), steps.ReadLedger(range(1))),
@@ -309,12 +312,10 @@ def test_what_was_seen_of_an_image_does_not_hold_of_the_next() -> None:
 
 
 def test_a_draft_is_no_result() -> None:
-    # Of a job that was cancelled at a point that the curve lacks, or after one that it has
-    for spp, judged in ((75, 0), (100, 4)):
-        drafted = ended_denoised(spp, merged=4, judged=judged, denoised=4, is_draft=True)
-        drafted = replace(drafted, ledger=READ, concluded=False)
-        assert next_step(drafted) == steps.DenoiseImage()
-        assert not drafted.may_be_drafted
+    drafted = ended_denoised(100, merged=4, judged=4, denoised=4, is_draft=True)
+    drafted = replace(drafted, ledger=READ, concluded=False)
+    assert next_step(drafted) == steps.DenoiseImage()
+    assert not drafted.may_be_drafted
 
 
 # Whatever happens.
@@ -433,6 +434,6 @@ def test_trouble_changes_nothing_of_what_a_user_gets(story: Story) -> None:
         undisturbed.curve,
     )
     assert (job.spp, job.image_spp) == (undisturbed.spp, undisturbed.image_spp)
-    # And its sums are there to go on from, where they are kept
+    # And its sums are there to continue from, where they are kept
     if job.keeps_sums and not job.spec.keep_slices and not job.lost_sums:
         assert job.checkpoint.slices * job.spec.slice_spp == job.spp
