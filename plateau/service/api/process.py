@@ -24,7 +24,7 @@ from plateau.farm.redis.link import connect
 from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.server import (
     backlog,
     most_connections,

@@ -4,20 +4,18 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from plateau.farm.images.exr import Pixels, decode_partial
+from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.metric import encode_srgb
-from plateau.picture.merge import Merge
 from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.page.job.test_job import SPEC, is_shown, png
 from tests.page.test_access import violations
+from tests.support.farms.every_time import save_every_time
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.long_tests import rare
@@ -135,50 +133,39 @@ def finished(farm: NoiseFarm, **spec: object) -> Job:
     return farm.jobs.get(job.id)
 
 
-def merged(farm: NoiseFarm, job: Job, spp: int) -> Pixels:
-    """The linear image of a job's first slices."""
-    merge = Merge(slice_spp=25)
-    ledger = farm.jobs.ledger(job.id)
-    for index in range(spp // 25):
-        merge.add(decode_partial(farm.store.get(ledger[index]["blob"])).pixels)
-    return merge.image()
-
-
 def side(page: Page, number: int, kind: str) -> Locator:
     return page.locator(f".side {kind}").nth(number)
 
 
-class TestAJobThatKeptItsSlices:
-    def test_any_two_points_of_its_curve_at_one_exposure(
-        self, visit: Visit, farm: NoiseFarm
-    ) -> None:
-        job = finished(farm, keep_slices=True)
-        page = visit(f"/jobs/{job.id}").page
-        page.get_by_role("button", name="Compare").click()
-        left, right = (page.get_by_role("combobox", name=name) for name in ("Left", "Right"))
-        points = [point.spp for point in farm.jobs.curve(job.id)]
-        assert len(kept(farm.store, job.id)) < len(points) == 8
-        for select in (left, right):
-            names = [f"{spp} spp" for spp in points]
-            expect(select.locator("option")).to_have_text([*names, "final image"])
-        for one, other in ((75, 175), (175, 50)):
-            left.select_option(str(one))
-            right.select_option(str(other))
-            for number, spp in ((0, one), (1, other)):
-                picture = encode_srgb(merged(farm, job, spp), 0).astype(np.int16)
-                is_shown(side(page, number, "img"), picture)
-        expect(page.get_by_text("Every point of the curve")).to_be_visible()
-        both = [side(page, number, "img") for number in (0, 1)]
-        page.get_by_label("Exposure").fill("3.5")
-        for image in both:
-            expect(image).to_have_css("filter", 'url("#exposure")')
-        expect(page.get_by_text("white areas stay flat")).to_be_visible()
-        # The image alone keeps it, and a map has none
-        page.get_by_role("button", name="Image", exact=True).click()
-        expect(both[0]).to_have_css("filter", 'url("#exposure")')
-        expect(page.locator(".side").last).to_be_hidden()
-        page.get_by_role("button", name="Difference").click()
-        expect(both[0]).to_have_css("filter", "none")
+def test_any_two_kept_pictures_at_one_exposure(
+    visit: Visit, farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_every_time(monkeypatch)
+    job = finished(farm)
+    page = visit(f"/jobs/{job.id}").page
+    page.get_by_role("button", name="Compare").click()
+    left, right = (page.get_by_role("combobox", name=name) for name in ("Left", "Right"))
+    pictures = kept(farm.store, job.id)
+    for select in (left, right):
+        names = [f"{spp} spp" for spp in pictures]
+        expect(select.locator("option")).to_have_text([*names, "final image"])
+    first, *_, last = pictures
+    for one, other in ((first, last), (last, first)):
+        left.select_option(str(one))
+        right.select_option(str(other))
+        for number, spp in ((0, one), (1, other)):
+            is_shown(side(page, number, "img"), png(farm.store.get(blobs.preview(job.id, spp))))
+    both = [side(page, number, "img") for number in (0, 1)]
+    page.get_by_label("Exposure").fill("3.5")
+    for image in both:
+        expect(image).to_have_css("filter", 'url("#exposure")')
+    expect(page.get_by_text("white areas stay flat")).to_be_visible()
+    # The image alone keeps it, and a map has none
+    page.get_by_role("button", name="Image", exact=True).click()
+    expect(both[0]).to_have_css("filter", 'url("#exposure")')
+    expect(page.locator(".side").last).to_be_hidden()
+    page.get_by_role("button", name="Difference").click()
+    expect(both[0]).to_have_css("filter", "none")
 
 
 @pytest.mark.parametrize("scheme", ["light", *rare("dark")])

@@ -16,7 +16,6 @@ from plateau.farm.model import versions
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
-from plateau.service.api.points.remaking import remade
 from tests.service.api.routes.test_again import go_on
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
@@ -215,17 +214,6 @@ def test_slices_without_the_aovs_are_rendered_again_and_then_fail_the_job(farm: 
     assert done.state is JobState.FAILED
     assert "slice 0 lacks the channels Z, albedo.B, albedo.G, albedo.R, id.shape" in done.reason
     assert "upgrade it" in done.reason
-
-
-@pytest.mark.parametrize("keeps_slices", [False, True])
-def test_a_spoiled_file_is_made_again_with_all_that_it_said(
-    farm: NoiseFarm, keeps_slices: bool
-) -> None:
-    done = finished(farm, aovs=AOVS, keep_slices=keeps_slices, view={"background": (1, 1, 1)})
-    for name in ("image.exr", "image.png", "difference.png"):
-        blob = f"{farm.jobs.results(done.id)}/{name}"
-        content = farm.store.get(blob)
-        assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
 
 
 def test_an_image_of_workers_of_several_kinds_says_so(farm: NoiseFarm) -> None:

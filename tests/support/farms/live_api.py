@@ -11,7 +11,7 @@ from plateau.farm.bundle import BundleLimits
 from plateau.farm.redis.link import connect
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.server import server_config
 from plateau.service.api.process import listen, url_of
 from plateau.service.api.scene_checks.placing import Placing

@@ -30,14 +30,13 @@ _EXAMPLE: Final[dict[str, object]] = {
     "job": examples.JOB_ID, "job_id": examples.JOB_ID, "clause": "is converged",
     "state": "converged", "host": "farm.example", "origin": "https://example.org",
     "path": "/problems/none", "key": "nightly", "needed": "submitter", "role": "viewer",
-    "batch": "exposures", "spp": 130, "step": 100, "most": 400, "index": 15, "rate": 1200,
+    "batch": "exposures", "spp": 130, "index": 15, "rate": 1200,
     "burst": 200, "seconds": 1, "types": "application/json or text/csv", "accept": "image/png",
     "stored_bytes": 53_000_000_000, "limit_bytes": 53_687_091_200, "size": 900_000_000,
     "media_type": "application/json", "sha256": examples.SCENE_SHA256,
     "name": f"jobs/{examples.JOB_ID}/results/0000400-7-final/image.exr",
 }
 _CLOSE: Final = {"Connection": "close"}
-_PREVIEWS: Final = "GET /v1/jobs/{job}/previews lists the pictures there are"
 _EVENTS: Final = "GET /v1/jobs/{job}/events announces it"
 
 # Requests that cannot be read.
@@ -169,10 +168,9 @@ SHOT_NOT_JUDGED: Final = NO_IMAGE_YET.case(
     "the shot of {batch!r} was not judged yet: that takes all of its frames", "")
 NO_FRAME_YET: Final = NO_IMAGE_YET.case("no frame of the shot of {batch!r} has an image yet", "")
 UNKNOWN_POINT: Final = ProblemType(
-    "unknown-point", 404, "Unknown point of the curve",
-    "job {job} has no point at {spp} spp: they are {step} spp apart, up to {most}", _PREVIEWS)
-UNKNOWN_UNEVEN_POINT: Final = UNKNOWN_POINT.case(
-    "job {job} has no point at {spp} spp: its curve has them, up to {most}")
+    "unknown-point", 404, "No picture of this point",
+    "job {job} keeps no picture of {spp} spp",
+    "GET /v1/jobs/{job}/previews lists the pictures there are")
 UNKNOWN_SLICE: Final = ProblemType(
     "unknown-slice", 404, "Slice not stored",
     "slice {index} of job {job} is not stored", "slices stay where the job's spec says keep_slices")
@@ -205,17 +203,6 @@ CANNOT_PAUSE: Final = ProblemType(
 CANNOT_RESUME: Final = ProblemType(
     "cannot-resume", 409, "Job not paused",
     "job {job} {clause}", "only a paused job can be resumed", members=("state", "story"))
-CANNOT_MERGE: Final = ProblemType(
-    "cannot-merge", 409, "Image cannot be reproduced",
-    "job {job} keeps no picture of {spp} spp, and did not keep its slices",
-    _PREVIEWS,
-    members=("state",))
-TOO_LARGE_TO_MERGE: Final = CANNOT_MERGE.case(
-    "job {job} keeps no picture of {spp} spp, and has films of more than {most:,} pixels of 4 "
-    "channels, too large to merge again")
-SLICE_MISSING: Final = CANNOT_MERGE.case(
-    "job {job} keeps no picture of {spp} spp, and has no slice {index}")
-SLICE_LOST: Final = CANNOT_MERGE.case("job {job} keeps no picture of {spp} spp, and {error}")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools and tags",
     "{error}",
@@ -368,15 +355,11 @@ UNREADABLE_JOB: Final = ProblemType(
     })
 SPOILED_FILE: Final = ProblemType(
     "spoiled-file", 500, "Stored file damaged",
-    "what was stored as {name} is damaged or lost, and what is kept of its job does not suffice to "
-    "make it again",
+    "what was stored as {name} is damaged or lost",
     "restore that blob from a backup, or render the scene again")
 BUSY: Final = ProblemType(
     "busy", 503, "Service busy",
     "many scenes are being checked already", "try again in 2 s", headers={"Retry-After": "2"})
-BUSY_MERGING: Final = BUSY.case(
-    "{most} requests wait for images of points already", "try again in 5 s",
-    headers={"Retry-After": "5"})
 TOO_MANY_CONNECTIONS: Final = BUSY.case(
     "this API has as many connections as it may have", headers={**BUSY.headers, **_CLOSE})
 STORE_UNAVAILABLE: Final = ProblemType(
@@ -385,7 +368,6 @@ STORE_UNAVAILABLE: Final = ProblemType(
     "try again shortly",
     headers={"Retry-After": "2"},
     example={"error": "Redis cannot be reached"})
-REDIS_SILENT: Final = STORE_UNAVAILABLE.case("Redis does not answer")
 API_STOPS: Final = STORE_UNAVAILABLE.case("the API stops")
 UPLOAD_NOT_KEPT: Final = STORE_UNAVAILABLE.case(
     "the upload could not be kept: {error}", "", headers={})

@@ -25,12 +25,12 @@ from plateau.farm.model.errors import (
     WorkerNotFound,
 )
 from plateau.farm.model.states import JobState
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import unavailable
 from plateau.service.api.problems.framework_errors import in_our_words
 from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.problems.spec_checks import invalid_request
+from plateau.service.api.stored_files import SpoiledBlob
 
 #: The problem of a refused transition, by the state aimed at.
 _REFUSALS: Final = {

@@ -71,7 +71,7 @@ def get_report(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
         "ETag": tag,
         "Content-Disposition": f'inline; filename="{job.id}-report.html"',
     }
-    if has.anything or has.has(tag):
+    if has.has(tag):
         return not_modified(headers)
     pictures = pictures_of(farm, results) if results else {}
     content = report_html(job, farm.jobs.curve(job.id), happened, pictures)

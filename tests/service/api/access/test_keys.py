@@ -2,7 +2,6 @@
 
 import socket
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import httpx
 import pytest
@@ -18,7 +17,6 @@ from plateau.service.api.routes import results as routes_results
 from tests.service.api.routes.test_jobs import BOX, problem, submit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import StagedJob
-from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 PLENTY = KeyLimits(requests_per_minute=1e6, burst=1000, upload_bytes=None, open_jobs=None)
@@ -316,35 +314,10 @@ class TestWithoutRedis:
                         http.get("/v1/jobs", headers=headers),
                         http.get("/v1/jobs/0123456789ab", headers=headers),
                         http.get("/readyz", headers=headers),
+                        http.get("/metrics", headers=headers),
                         submit(http, headers=headers),
                     ):
                         said = problem(answer, 503, "store-unavailable")
                         assert "Redis cannot be reached" in said["detail"]
                         assert int(answer.headers["retry-after"]) > 0
                 assert http.get("/healthz").status_code == 200
-
-    @pytest.mark.long
-    def test_metrics_go_on_for_a_key_that_was_good(
-        self,
-        embedded_redis: object,
-        redis_url: str,
-        api_store: Blobs,
-        keys: ApiKeys,
-        monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        # The API itself has to lose patience
-        monkeypatch.setattr("plateau.farm.redis.link.SOCKET_TIMEOUT_S", 600)
-        _, shown = keys.create("prometheus", Role.VIEWER, PLENTY)
-        good = {"Authorization": f"Bearer {shown}"}
-        bad = {"Authorization": f"Bearer {shown[:-64]}{'0' * 64}"}
-        path = redis_url.removeprefix("unix://").partition("?")[0]
-        with (
-            RedisProxy(Path(path)) as proxy,
-            live_api(proxy.url, api_store) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-        ):
-            assert http.get("/metrics", headers=good).status_code == 200
-            proxy.fail("silent")
-            assert 'plateau_up{part="redis"} 0' in http.get("/metrics", headers=good).text
-            problem(http.get("/metrics", headers=bad), 503, "store-unavailable")
-            proxy.heal()

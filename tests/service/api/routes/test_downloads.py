@@ -15,7 +15,6 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.job import utc_now
@@ -39,6 +38,7 @@ def converged(client: redis.Redis, store: Blobs, **spec: object) -> StagedJob:
     job.picture(store, "image.png", b"an image")
     job.picture(store, "difference.png", b"a map")
     job.picture(store, "image.exr", EXR, was=EXR)
+    job.preview(store, 100, b"a preview")
     job.end()
     job.finish(200)
     return job
@@ -57,7 +57,6 @@ class TestOneJob:
         self, http: httpx.Client, client: redis.Redis, api_store: Blobs
     ) -> None:
         job = converged(client, api_store)
-        api_store.put(blobs.preview(job.id, 100), b"a preview")
         archive = fetched(http, f"/v1/jobs/{job.id}/results.zip")
         assert archive.namelist() == [
             *("image.exr", "image.png", "difference.png", "previews/000100.png"),
