@@ -17,7 +17,6 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
 from tests.service.api.routes.test_again import go_on
-from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
 from tests.support.until import until
 
@@ -82,36 +81,6 @@ def test_colour_is_the_same_with_aovs_and_without(farm: NoiseFarm) -> None:
         for job in (plain, rich)
     )
     assert one == other
-
-
-def test_channels_do_not_depend_on_the_order_of_commits_or_on_who_merges(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    save_every_time(monkeypatch)
-    undisturbed = finished(farm, aovs=AOVS)
-    # Given slices that come backwards, and a monitor that goes away after each point
-    job = farm.submit(**JOB, aovs=AOVS)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.get(job.id).image_spp)
-        content = farm.picture(job, "image.exr")
-    said = header(content)
-    assert (said["plateau:spp"], said["plateau:state"]) == (10, "rendering")
-    assert decode_layers(content).keys() == NAMES
-    for points in range(1, 4):
-        with farm.monitor():
-            while farm.jobs.get(job.id).points < points:
-                leases = []
-                while (lease := farm.lease()) is not None:
-                    leases.append(lease)
-                for lease in reversed(leases):
-                    farm.commit(lease)
-    with farm.monitor():
-        farm.finish(job)
-    # Then every channel is the same to the bit
-    one, other = (decode_layers(farm.picture(each, "image.exr")) for each in (undisturbed, job))
-    assert one.keys() == other.keys() == NAMES
-    assert all(one[name].tobytes() == other[name].tobytes() for name in NAMES)
 
 
 def test_a_half_file_keeps_ids_and_depth_whole(farm: NoiseFarm) -> None:

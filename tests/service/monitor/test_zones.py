@@ -16,14 +16,12 @@ from plateau.farm.images.exr import (
 )
 from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.ledger.totals import take_census
-from plateau.farm.model.job import Job
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
 from tests.service.api.routes.test_again import go_on, loses
-from tests.support.farms.every_time import save_every_time
-from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
+from tests.support.farms.finished_jobs import finished
 from tests.support.farms.noise_farm import NoiseFarm, ramp
 from tests.support.faults.invariants import check_job
 from tests.support.long_tests import rare
@@ -103,24 +101,6 @@ def test_noisy_zones_have_more_samples_than_calm_ones(
     assert frame.state is JobState.CONVERGED
     assert frame.spp > spp.mean()
     assert ("denoised.weight" in layers) == (spec is DENOISED)
-
-
-@MOSTLY
-def test_its_image_depends_on_no_monitor_and_no_order(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, spec: dict[str, object]
-) -> None:
-    save_every_time(monkeypatch)
-    one, other = finished(farm, **spec), farm.submit(**spec)
-    finish_by_many_monitors(farm, other)
-    assert farm.jobs.get(other.id).reason == one.reason
-    assert curve(farm, other) == curve(farm, one)
-    images = [decode_layers(farm.picture(job, "image.exr")) for job in (one, other)]
-    for name, values in images[0].items():
-        np.testing.assert_array_equal(values, images[1][name])
-
-
-def curve(farm: NoiseFarm, job: Job) -> list[dict[str, object]]:
-    return [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
 
 
 @MOSTLY

@@ -52,22 +52,10 @@ TWO_LENGTHS: Final = MALFORMED_REQUEST.case(
     "the request does not say where its body ends",
     "send Content-Length, or with HTTP/1.1 Transfer-Encoding: chunked, and never both",
     headers=_CLOSE)
-NO_BOUNDARY: Final = MALFORMED_REQUEST.case(
-    "the header Content-Type has no boundary",
-    "leave that header to your HTTP client, as curl -F does")
 BROKEN_FORM: Final = MALFORMED_REQUEST.case(
-    "the parts of the form cannot be told apart",
-    "have your HTTP client make the multipart/form-data, as curl -F does")
-NAMELESS_PART: Final = MALFORMED_REQUEST.case(
-    "a part of the form has no name", "name each part, as curl -F NAME=VALUE does")
-TOO_MANY_FILES: Final = MALFORMED_REQUEST.case(
-    "the form has more than {files} files", "send one scene and one spec")
-TOO_MANY_PARTS: Final = MALFORMED_REQUEST.case(
-    "the form has more than {parts} parts",
-    "send a scene, or the scene_sha256 of a stored one, and a spec")
-LARGE_PART: Final = MALFORMED_REQUEST.case(
-    "a part that is not a file has more than {mib} MiB",
-    "send the scene as a file, as curl -F scene=@FILE does")
+    "the form cannot be read: {error}",
+    "send a scene as a file, or the scene_sha256 of a stored one, and a spec, as curl -F "
+    "scene=@FILE -F 'spec={{}}' does")
 
 # Who may ask.
 
@@ -388,10 +376,8 @@ def of_extension(*kinds: ProblemType) -> None:
 
 def of_status(status: int) -> ProblemType:
     """The type for a bare status of the framework's."""
-    known = {404: UNKNOWN_PATH, 405: METHOD_NOT_ALLOWED}
+    known = {400: MALFORMED_REQUEST, 404: UNKNOWN_PATH, 405: METHOD_NOT_ALLOWED}
     words = "the request to {path} cannot be answered as it is", "/docs says what to send"
-    if status == MALFORMED_REQUEST.status:
-        return MALFORMED_REQUEST.case(*words)
     return known.get(status) or ProblemType("http-error", status, "The request failed", *words)
 
 

@@ -234,30 +234,6 @@ def test_sums_stay_for_a_job_that_still_stands_on_them(
     assert Continuations(client).remains(done).slices == 12
 
 
-def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
-    farm: NoiseFarm, client: redis.Redis
-) -> None:
-    # Given a job, and one that went on with it and was cancelled before it rendered anything
-    with farm.monitor():
-        old = work(farm, farm.submit(**QUICK))
-        new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
-        farm.jobs.cancel(new.id)
-        until(lambda: farm.jobs.get(new.id).finished_at is not None)
-    let_it_have_ended(farm, old, days_ago=4)
-    # Then the second can be gone on with for as long as any other
-    assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S).sums == 0
-    assert Continuations(client).remains(farm.jobs.get(new.id)).slices == 8
-    # And after that the sums go
-    let_it_have_ended(farm, new, days_ago=4)
-    for dry_run in (True, False):
-        swept = sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run)
-        assert (swept.sums, swept.orphans, swept.blobs) == (1, 0, 1)
-    assert farm.store.names(blobs.checkpoints(old.id)) == []
-    # Without them nothing can go on, and the results stay
-    assert farm.picture(old, "image.png")
-    assert loses(farm, farm.jobs.get(old.id)) == "gone"
-
-
 @pytest.mark.parametrize(
     ("spp", "cap", "to", "seed", "why"),
     [
@@ -444,25 +420,6 @@ class TestOverHttp:
         answer = http.post(old["links"]["again"], json={"parameters": {"width": None}})
         assert answer.json()["type"] == "/problems/broken-scene", answer.text
         assert answer.json()["code"] == "undefined-parameter"
-
-    def test_kept_slices_are_judged_again_under_any_cap_that_is_not_beyond_them(
-        self, farm: NoiseFarm, http: httpx.Client
-    ) -> None:
-        with farm.monitor():
-            job = work(farm, farm.submit(**QUICK, seed=1, keep_slices=True))
-            cap = len(farm.jobs.ledger(job.id)) * SLICE
-            view, rule = {"white_luminance": 300}, {"name": "reverse"}
-            body = {"view": view, "rule": rule, "max_spp": cap}
-            judged = http.post(f"/v1/jobs/{job.id}/again", json=body).json()
-            assert judged["again"] == {"of": job.id, "kept_spp": cap, "why": None}
-            done = work(farm, farm.jobs.get(judged["id"]))
-        assert rendered(farm, done) == []
-        assert done.spec.view.white_luminance == 300
-        # With the cap under which they were drawn, more of them are rendered
-        body = {"max_spp": 400, "rule": {"name": "fixed", "spp": 200}}
-        goes_on = http.post(f"/v1/jobs/{done.id}/again", json=body)
-        with farm.monitor():
-            assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
 
 
 class TestSamplesSaved:

@@ -1,7 +1,5 @@
 """Batches over HTTP: many jobs by one request, summed up, steered."""
 
-import time
-from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -11,17 +9,12 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.job import Job
-from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.batch_views import batch_path
 from tests.service.api.routes.test_jobs import problem, submit
-from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
-from tests.support.until import until
 
 #: A scene whose film is as wide as a parameter says.
 WIDE = scene(
@@ -272,39 +265,3 @@ class TestSteering:
                     },
                 ],
             }
-
-
-FRAMES = 150
-
-
-def is_merged(job: Job) -> bool:
-    return job.state is not JobState.RENDERING or job.committed_spp - job.spp < job.spec.step
-
-
-def test_its_first_frame_is_done_long_before_its_last_begins(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    farm, batches = NoiseFarm(client, redis_url, tmp_path), Batches(client)
-    spec = BatchSpec(
-        parameters=[{"frame": frame} for frame in range(FRAMES)],
-        step=20,
-        slice_spp=10,
-        max_spp=100,
-        rule={"name": "fixed", "spp": 100},
-    )
-    farm.jobs.create_all(spec.job_specs("walk"), name="noise", scene_sha256="00")
-    deadline = time.monotonic() + 120
-    begun: set[str] = set()
-    with farm.monitor():
-        while JobState.CONVERGED not in (states := batches.get("walk").states):
-            assert time.monotonic() < deadline, states
-            for _ in range(5):
-                lease = farm.lease()
-                if lease is not None:
-                    begun.add(lease.job_id)
-                    farm.commit(lease)
-            # Five workers never outrun a monitor, however slow this machine is
-            until(lambda: all(is_merged(farm.jobs.get(job_id)) for job_id in begun), 120)
-    assert states[JobState.QUEUED] > FRAMES * 2 / 3, states
-    [done, *_] = farm.jobs.search(batch="walk", state=JobState.CONVERGED)[0]
-    assert done.spec.parameters["frame"] in range(20)

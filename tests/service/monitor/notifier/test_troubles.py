@@ -78,21 +78,6 @@ def test_each_trouble_is_told_once_until_it_is_over(
     assert "waits for a worker with tags gpu" in told
 
 
-def test_a_worker_that_fails_again_and_again(
-    client: redis.Redis, store: Blobs, mails: tuple[Mails, Targets]
-) -> None:
-    box, targets = mails
-    teller = Teller(client, store, targets, 0.0)
-    lives(client, last_error="slice 3: SIGSEGV", failures=2)
-    teller.check()
-    assert box.came == []
-    lives(client, last_error="slice 3: SIGSEGV", failures=3)
-    teller.check()
-    teller.check()
-    [worker] = texts(box)
-    assert "failed 3 times in a row, at last so: slice 3: SIGSEGV" in worker
-
-
 def test_a_store_that_takes_nothing_is_told_by_the_machine_that_sees_it(
     client: redis.Redis,
     store: Blobs,
