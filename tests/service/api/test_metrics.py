@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +16,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.totals import note_sweep, take_census
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
-from plateau.service.monitor import sweeper
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import SIZE, NoiseFarm
@@ -123,16 +121,6 @@ def test_the_monitors_tell_of_merges_and_evaluations(
     assert census.evaluations.sum_s > 0
     assert census.samples >= 40 * SIZE[0] * SIZE[1]
     assert census.monitors == 0
-
-
-def test_a_sweep_leaves_its_time(
-    http: httpx.Client, redis_url: str, store: Blobs, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert Scrape(http).value("plateau_last_sweep_timestamp_seconds") is None
-    monkeypatch.setattr(sweeper, "_POLL_S", 0.05)
-    with sweeper.sweeping(Settings(redis_url=redis_url, blobs=store.where), store):
-        at = until(lambda: Scrape(http).value("plateau_last_sweep_timestamp_seconds"))
-    assert abs(at - time.time()) < 60
 
 
 class TestRequests:

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import redis
 
@@ -11,10 +10,9 @@ from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from plateau.service.monitor import turns
 from tests.support.farms.every_time import save_every_time
-from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
@@ -71,33 +69,6 @@ def wait_until_saved(farm: NoiseFarm, job: Job) -> None:
     """Wait until a checkpoint has all that is committed."""
     until(lambda: farm.store.names(blobs.partials(job.id)) == [])
     until(lambda: f"{farm.jobs.get(job.id).committed_spp:07d}" in farm.jobs.results(job.id))
-
-
-def files(farm: NoiseFarm, job: Job) -> dict[str, int]:
-    """The job's files, and when each was written."""
-    names = farm.store.names(f"jobs/{job.id}/")
-    return {name: (Path(farm.store.where) / name).stat().st_mtime_ns for name in names}
-
-
-def test_all_that_a_paused_job_has_is_saved_and_shown(farm: NoiseFarm) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        # Given a job that is paused while a slice in the middle of a step is being rendered
-        held = work_up_to(farm, 4)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        wait_until_saved(farm, job)
-        # Then a checkpoint has it, and the image shows it
-        (checkpoint,) = farm.store.names(blobs.checkpoints(job.id))
-        assert "0000050" in checkpoint
-        films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(5))
-        image = decode_image(farm.picture(job, "image.exr"))
-        np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
-        # And that was that: nothing is written again and again
-        before = files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))
-        farm.finish(farm.submit(**QUICK))
-        assert (files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))) == before
-    assert farm.jobs.get(job.id).state is JobState.PAUSED
 
 
 def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Job) -> None:

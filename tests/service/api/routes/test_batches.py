@@ -8,9 +8,6 @@ import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.states import JobState
 from plateau.farm.wire.batch_views import batch_path
 from tests.service.api.routes.test_jobs import problem, submit
 from tests.support.farms.staged_job import StagedJob
@@ -99,22 +96,6 @@ class TestAListOfParameters:
         found = problem(submit(http, WIDE, frames(*[None] * 1000)), 422, "invalid-spec")
         assert 10 <= len(found["errors"]) <= 50
 
-    def test_counts_each_of_its_jobs_for_its_key(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=3)
-        _, shown = ApiKeys(client).create("mine", Role.SUBMITTER, limits)
-        mine = {"Authorization": f"Bearer {shown}"}
-        found = problem(
-            submit(http, WIDE, frames(*range(16, 20)), headers=mine), 429, "too-many-jobs"
-        )
-        assert found["limit"] == 3
-        assert Jobs(client).search() == ([], None)
-        made = submit(http, WIDE, frames(*range(16, 19)), headers=mine)
-        assert made.json()["jobs"] == 3
-        owners = {job.owner for job in Jobs(client).search()[0]}
-        assert owners == {shown.split("_")[1]}
-
 
 class TestABatchByItsName:
     @pytest.mark.parametrize("name", NAMES)
@@ -146,23 +127,6 @@ class TestABatchByItsName:
         assert http.get("/v1/batches/a/b").json()["type"] == "/problems/unknown-path"
         refused = http.put("/v1/batches/a%2Fb")
         assert (refused.status_code, refused.headers["allow"]) == (405, "DELETE, GET, HEAD")
-
-
-class TestListing:
-    def test_shows_the_newest_first_in_pages(self, http: httpx.Client) -> None:
-        for name in "abcd":
-            submit(http, WIDE, frames(16, 17, batch=name))
-        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "b"})
-        seen: list[tuple[str, int]] = []
-        cursor: dict[str, str] = {}
-        while True:
-            page = http.get("/v1/batches", params={"limit": "3", **cursor}).json()
-            seen += [(one["name"], one["jobs"]) for one in page["batches"]]
-            if page["next_cursor"] is None:
-                break
-            cursor = {"cursor": page["next_cursor"]}
-        assert seen == [("b", 3), ("d", 2), ("c", 2), ("a", 2)]
-        assert page["batches"][0]["states"] == {"queued": 2}
 
 
 class TestASummary:
@@ -236,32 +200,3 @@ class TestAShot:
         for path in ("shot", "shot/film.png", "shot/flicker.png"):
             problem(http.get(f"/v1/batches/still/{path}"), 404, "no-shot")
             problem(http.get(f"/v1/batches/none/{path}"), 404, "unknown-batch")
-
-
-class TestSteering:
-    def test_says_what_became_of_each(self, http: httpx.Client, client: redis.Redis) -> None:
-        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
-        ended = StagedJob(client, batch["job_ids"][0])
-        ended.commit()
-        ended.end(JobState.EXHAUSTED)
-        for _ in range(2):
-            answer = http.post(batch["links"]["cancel"])
-            assert answer.status_code == 202
-            assert answer.json() == {
-                "name": "b",
-                "done": 1,
-                "jobs": [
-                    {
-                        "job": ended.id,
-                        "done": False,
-                        "state": "exhausted",
-                        "why_not": "it has ended",
-                    },
-                    {
-                        "job": batch["job_ids"][1],
-                        "done": True,
-                        "state": "cancelled",
-                        "why_not": None,
-                    },
-                ],
-            }
