@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
-import httpx
 import redis
 
 from plateau.study.ledger import study_level
 from tests.service.api.routes.test_jobs import problem
 from tests.service.api.routes.test_spoiled_files import spoil
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import ended_job
 
@@ -19,10 +18,7 @@ def test_studies_are_made_of_whole_slices_and_show_whole_pictures(
     farm = NoiseFarm(client, redis_url, tmp_path)
     job = ended_job(farm, slices=4, slice_spp=10)
     asked = {"job_id": job.id, "levels": [10, 20]}
-    with (
-        live_api(redis_url, farm.store) as url,
-        httpx.Client(base_url=url, trust_env=False, verify=False, timeout=60) as http,
-    ):
+    with live_http(redis_url, farm.store) as http:
         study = http.post("/v1/studies", json=asked).json()
         picture = f"{study['links']['self']}/levels/20.png"
         assert http.get(picture).status_code == 200

@@ -2,8 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -17,7 +15,7 @@ from plateau.farm.ledger.totals import note_sweep, take_census
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from tests.service.api.routes.test_jobs import problem
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import SIZE, NoiseFarm
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until
@@ -128,7 +126,7 @@ class TestRequests:
         self, redis_url: str, store: Blobs, client: redis.Redis
     ) -> None:
         job = StagedJob(client)
-        with _api(redis_url, store) as http:
+        with live_http(redis_url, store) as http:
             for path in (f"/v1/jobs/{job.id}", "/v1/jobs/0123456789ab", "/v1/jobs/0123456789ac"):
                 http.get(path)
             http.get("/secret/9137")
@@ -161,7 +159,7 @@ class TestRequests:
         self, redis_url: str, store: Blobs, client: redis.Redis
     ) -> None:
         job = StagedJob(client)
-        with _api(redis_url, store) as http:
+        with live_http(redis_url, store) as http:
             with http.stream("GET", f"/v1/jobs/{job.id}/events") as answer:
                 lines = answer.iter_lines()
                 next(lines)
@@ -202,13 +200,3 @@ class TestDocs:
         url = httpx.URL(Settings.model_fields["url"].default)
         config = (ROOT / "deploy" / "prometheus.yml").read_text()
         assert f'targets: ["localhost:{url.port}"]' in config
-
-
-@contextmanager
-def _api(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
-    """An API of the test's own, so that it has answered nothing yet."""
-    with (
-        live_api(redis_url, store) as url,
-        httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-    ):
-        yield http

@@ -80,6 +80,10 @@ RESTORED = replace(
 #: A job whose image is denoised.
 DENOISED = known(job=made_job(spec={"denoise": {"name": "oidn"}}), merged=4)
 
+CONVERGED = steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True)
+GOOD = replace(CONVERGED, reason="levelled off; the shot is good")
+NOTHING = steps.ShowAndSave(False, False)
+
 #: What is known, and what is done then: a case at least for each row of each table.
 CASES: list[tuple[Known, steps.Step]] = [
     (known(planned=-1, enough=3), steps.PlanSlices(3, 200)),
@@ -88,14 +92,8 @@ CASES: list[tuple[Known, steps.Step]] = [
         replace(RECORDED, answer=BROKEN),
         steps.EndJob(JobState.FAILED, "image", "3 pixels are NaN", None, True),
     ),
-    (
-        replace(RECORDED, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
-    ),
-    (
-        replace(AT_THE_CAP, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
-    ),
+    (replace(RECORDED, answer=STOP), CONVERGED),
+    (replace(AT_THE_CAP, answer=STOP), CONVERGED),
     (
         AT_THE_CAP,
         steps.EndJob(
@@ -107,21 +105,10 @@ CASES: list[tuple[Known, steps.Step]] = [
     (replace(AT_THE_CAP, job=frame({"max_spp": 100})), steps.HoldFrame()),
     (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), saved=3), steps.HoldFrame()),
     (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), planned=-1), steps.Wait()),
-    (
-        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=ASKED)),
-        steps.ShowAndSave(False, False),
-    ),
-    (
-        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)),
-        steps.EndJob(
-            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
-        ),
-    ),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=ASKED)), NOTHING),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)), GOOD),
     # Its sums were lost after that, and it does not end with fewer
-    (
-        replace(RECORDED, answer=STOP, job=frame(answer={**MAY_END, "spp": 200})),
-        steps.ShowAndSave(False, False),
-    ),
+    (replace(RECORDED, answer=STOP, job=frame(answer={**MAY_END, "spp": 200})), NOTHING),
     (
         replace(
             AT_THE_CAP,
@@ -139,25 +126,14 @@ CASES: list[tuple[Known, steps.Step]] = [
     # Its image is denoised anew by a monitor that has read its sums
     (RESTORED, steps.DenoiseImage()),
     (replace(RESTORED, is_being_denoised=True), steps.Wait()),
-    (
-        replace(RESTORED, denoised=RECORDED.merged),
-        steps.EndJob(
-            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
-        ),
-    ),
+    (replace(RESTORED, denoised=RECORDED.merged), GOOD),
     # The job that this one continues had been stopped there already
-    (
-        replace(RECORDED, answer=STOP, job=made_job(continued_spp=100)),
-        steps.ShowAndSave(False, False),
-    ),
-    (RECORDED, steps.ShowAndSave(False, False)),
+    (replace(RECORDED, answer=STOP, job=made_job(continued_spp=100)), NOTHING),
+    (RECORDED, NOTHING),
     (replace(RECORDED, shown_spp=0, saved=0), steps.ShowAndSave(True, False)),
-    (replace(RECORDED, shown_spp=0, shown_at_s=-1.9), steps.ShowAndSave(False, False)),
+    (replace(RECORDED, shown_spp=0, shown_at_s=-1.9), NOTHING),
     # Images that take long come less often, but for a limit
-    (
-        replace(RECORDED, shown_spp=0, shown_at_s=-4.9, shown_in_s=0.1),
-        steps.ShowAndSave(False, False),
-    ),
+    (replace(RECORDED, shown_spp=0, shown_at_s=-4.9, shown_in_s=0.1), NOTHING),
     (
         replace(RECORDED, shown_spp=0, shown_at_s=-10.1, shown_in_s=0.3),
         steps.ShowAndSave(True, False),
@@ -232,10 +208,7 @@ CASES: list[tuple[Known, steps.Step]] = [
         replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-2.1),
         steps.ShowAndSave(True, False),
     ),
-    (
-        replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-1.9),
-        steps.Wait(),
-    ),
+    (replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-1.9), steps.Wait()),
     (ended(), steps.ReadConclusion()),
     (ended(merged=4, spp=100, concluded=False), steps.JudgeImage()),
     (ended_denoised(merged=4, spp=100, concluded=False), steps.DenoiseImage()),

@@ -3,7 +3,9 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
+import httpx
 import uvicorn
 
 from plateau.farm.blobs.store import Blobs
@@ -64,3 +66,14 @@ def live_api(
         thread.join(60)
         listener.close()
         assert not thread.is_alive(), "the API did not stop"
+
+
+@contextmanager
+def live_http(redis_url: str, store: Blobs, **options: Any) -> Iterator[httpx.Client]:
+    """A client of an API of its own; `options` are those of `live_api`."""
+    # To load the certificates that nobody shows here takes longer than most tests.
+    with (
+        live_api(redis_url, store, **options) as url,
+        httpx.Client(base_url=url, trust_env=False, verify=False, timeout=60) as http,
+    ):
+        yield http

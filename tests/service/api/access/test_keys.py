@@ -15,7 +15,7 @@ from plateau.service.api.access.key_guard import Access, needs_key
 from plateau.service.api.process import CannotListen, access_at
 from plateau.service.api.routes import results as routes_results
 from tests.service.api.routes.test_jobs import BOX, problem, submit
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
@@ -278,10 +278,7 @@ class TestWithoutRedis:
     def test_it_answers_503_never_401(self, redis_url: str, api_store: Blobs) -> None:
         away = "unix:///nowhere/redis.sock"
         for access in (Access.UNTIL_KEYS, Access.KEYS):
-            with (
-                live_api(away, api_store, access=access) as url,
-                httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-            ):
+            with live_http(away, api_store, access=access) as http:
                 for headers in ({}, {"Authorization": f"Bearer plateau_{'0' * 12}_{'0' * 64}"}):
                     for answer in (
                         http.get("/v1/jobs", headers=headers),

@@ -71,14 +71,6 @@ class TestAPath:
         problem(http.get("/v1/job/box", headers=looks), 404, "unknown-path")
         problem(http.post("/job/box", headers=looks), 404, "unknown-path")
 
-    def test_with_an_index_that_is_none_is_refused(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client).id
-        for rest in ("x.exr", "-1.exr", "1.5.exr", f"{'9' * 5000}.exr"):
-            found = problem(http.get(f"/v1/jobs/{job}/slices/{rest}"), 422, "invalid-request")
-            assert [one["field"] for one in found["errors"]] == ["index"]
-
 
 class TestAQueryParameter:
     def test_that_the_route_does_not_have_is_refused_where_it_has_some(

@@ -24,7 +24,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.farms.receiver import SECRET
 from tests.support.faults.invariants import check_job
@@ -331,10 +331,7 @@ def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
 class TestOverHttp:
     @pytest.fixture
     def http(self, farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
-        with (
-            live_api(redis_url, farm.store) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-        ):
+        with live_http(redis_url, farm.store) as http:
             yield http
 
     def test_a_job_goes_on_once_however_often_it_is_asked(

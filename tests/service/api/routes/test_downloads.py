@@ -22,7 +22,7 @@ from plateau.metric import encode_srgb
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.every_time import save_every_time
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 
@@ -113,10 +113,8 @@ def test_the_images_of_a_running_job_are_of_the_same_samples(
                 assert np.array_equal(encode_srgb(decode_image(archive.read("image.exr"))), shown)
                 spps.add(picture.info["plateau:spp"])
 
-    options = {"trust_env": False, "verify": False, "timeout": 60}
     with (
-        live_api(redis_url, farm.store) as url,
-        httpx.Client(base_url=url, **options) as http,
+        live_http(redis_url, farm.store) as http,
         ThreadPoolExecutor(1) as pool,
     ):
         looking = pool.submit(look, http)
