@@ -69,20 +69,6 @@ def test_one_exr_has_colour_alpha_and_the_aovs_by_name(farm: NoiseFarm) -> None:
         assert np.array_equal(decode_image(content, layer), colour)
 
 
-def test_colour_is_the_same_with_aovs_and_without(farm: NoiseFarm) -> None:
-    plain, rich = finished(farm), finished(farm, aovs=AOVS)
-    for name in ("image.png", "difference.png", "thumbnail.png"):
-        one, other = (
-            np.asarray(Image.open(io.BytesIO(farm.picture(job, name)))) for job in (plain, rich)
-        )
-        assert np.array_equal(one, other)
-    one, other = (
-        [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
-        for job in (plain, rich)
-    )
-    assert one == other
-
-
 def test_a_half_file_keeps_ids_and_depth_whole(farm: NoiseFarm) -> None:
     exact = decode_layers(farm.picture(finished(farm, aovs=AOVS), "image.exr"))
     half = finished(farm, aovs=AOVS, exr={"precision": "half", "compression": "piz"})

@@ -1,6 +1,5 @@
 """A failed job that another monitor finishes has the image that it had."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +10,9 @@ from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.faults.invariants import check_job
-from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 SLICE, STEP, SHOWN = 10, 20, 100
@@ -69,25 +66,3 @@ def test_of_all_that_the_monitor_before_had_merged(
     sums = Ownerships(client, 5.0).checkpoint(done.id)
     assert sums is not None
     assert sums.slices == SHOWN // SLICE
-
-
-LEASE_S = 2.0
-DELAY_S = 0.3  #: each way
-
-
-@pytest.mark.long
-def test_a_monitor_far_from_redis_renews_in_time(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    with RedisProxy(Path(redis_url.removeprefix("unix://"))) as proxy:
-        proxy.delay_s = DELAY_S
-        farm = NoiseFarm(client, proxy.url, tmp_path)
-        farm.settings = farm.settings.model_copy(update={"lease_s": LEASE_S})
-        job = farm.submit()
-        with farm.monitor():
-            owner = keys.job(job.id, "owner")
-            until(lambda: client.exists(owner))
-            until_s = time.monotonic() + 3 * LEASE_S
-            while time.monotonic() < until_s:
-                assert client.exists(owner), "its ownership has run out"
-                time.sleep(0.02)

@@ -149,27 +149,13 @@ class TestAWholeNumber:
     """JSON has one kind of number, and its schema takes 10.0 for an integer."""
 
     def test_may_be_written_with_a_point(self, http: httpx.Client) -> None:
-        asked = {
-            "max_spp": 200.0,
-            "step": 1e2,
-            "min_spp": 10.0,
-            "zones": [2.0, 3],
-            "rule": {"name": "fixed", "spp": 100.0},
-            "watch": [{"name": "reverse", "window": 6.0}],
-            "view": {"exposure_ev": 1.0},
-            "priority": 7.0,
-        }
+        rule = {"name": "fixed", "spp": 100.0}
+        asked = {"max_spp": 200.0, "step": 1e2, "zones": [2.0, 3], "priority": 7.0, "rule": rule}
         answer = submit(http, spec=asked)
         assert answer.status_code == 201, answer.text
         spec = answer.json()["spec"]
-        assert {name: spec[name] for name in ("max_spp", "step", "min_spp", "zones")} == {
-            "max_spp": 200,
-            "step": 100,
-            "min_spp": 10,
-            "zones": [2, 3],
-        }
-        assert (spec["rule"]["spp"], spec["priority"]) == (100, 7)
-        assert spec["watch"][0]["window"] == 6
+        assert {name: spec[name] for name in asked} == asked
+        assert '"max_spp":200,' in answer.text
 
     def test_is_left_to_a_scene_as_it_was_written(self, http: httpx.Client) -> None:
         sphere = '<shape type="sphere"><float name="radius" value="$radius"/></shape>'

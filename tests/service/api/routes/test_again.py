@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
 import redis
 from pydantic import ValidationError
@@ -25,7 +24,7 @@ from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.farms.live_api import live_http
-from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
@@ -117,22 +116,6 @@ def test_a_stricter_rule_goes_on_as_if_it_had_ruled_from_the_start(
     kept = len(farm.jobs.ledger(stopped.id)) if keep_slices else 8
     assert done.again.kept_spp == kept * SLICE
     assert done.continued_spp == (0 if keep_slices else 80)
-
-
-def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> None:
-    never = {"name": "visible", "target": 1e-9}
-    with farm.monitor():
-        capped = work(farm, farm.submit(**{**QUICK, "rule": never, "max_spp": 60}))
-        assert capped.state is JobState.EXHAUSTED
-        done = work(farm, go_on(farm, capped, max_spp=100))
-        # And once more, from the job that went on
-        again = work(farm, go_on(farm, done, max_spp=120))
-    assert (done.state, done.spp) == (JobState.EXHAUSTED, 100)
-    assert [point["spp"] for point in curve(farm, again)] == list(range(20, 121, 20))
-    films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(12))
-    expected = (films[..., :3] / films[..., 3:]).astype(np.float32)
-    assert pixels(farm, again) == expected.tobytes()
-    assert (again.again.of, again.again.kept_spp) == (done.id, 100)
 
 
 def is_due(farm: NoiseFarm) -> Job:

@@ -72,26 +72,6 @@ class TestAListOfParameters:
         assert http.get("/v1/scenes").json()["scenes"] == []
         assert http.get("/v1/batches").json()["batches"] == []
 
-    @pytest.mark.parametrize(
-        ("spec", "field"),
-        [
-            ({"parameters": []}, "spec.parameters"),
-            ({"parameters": [{}] * 1001}, "spec.parameters"),
-            ({"parameters": [1]}, "spec.parameters.0"),
-            ({"parameters": [{}], "rule": {"name": "fixed", "spp": 0}}, "spec.rule.spp"),
-            ({"parameters": [{}], "frames": 3}, "spec.frames"),
-            ({"parameters": [{}], "min_spp": 20_000}, "spec"),
-            ({"batch": ".."}, "spec.batch"),
-            ({"parameters": [{}], "batch": "a\x00b"}, "spec.batch"),
-        ],
-    )
-    def test_is_refused_by_the_field_that_is_wrong(
-        self, http: httpx.Client, spec: dict[str, Any], field: str
-    ) -> None:
-        found = problem(submit(http, spec=spec), 422, "invalid-spec")
-        assert field in {one["field"] for one in found["errors"]}
-        assert listed(http) == []
-
     def test_with_a_thousand_mistakes_names_some_of_them(self, http: httpx.Client) -> None:
         found = problem(submit(http, WIDE, frames(*[None] * 1000)), 422, "invalid-spec")
         assert 10 <= len(found["errors"]) <= 50

@@ -169,6 +169,15 @@ class TestABadSpec:
             ("[]", "spec"),
             ("[" * 100_000, "spec"),
             ('{"batch": "\\ud800"}', "spec"),
+            ({"batch": ".."}, "spec.batch"),
+            # Of many jobs
+            ({"parameters": []}, "spec.parameters"),
+            ({"parameters": [{}] * 1001}, "spec.parameters"),
+            ({"parameters": [1]}, "spec.parameters.0"),
+            ({"parameters": [{}], "rule": {"name": "fixed", "spp": 0}}, "spec.rule.spp"),
+            ({"parameters": [{}], "frames": 3}, "spec.frames"),
+            ({"parameters": [{}], "min_spp": 20_000}, "spec"),
+            ({"parameters": [{}], "batch": "a\x00b"}, "spec.batch"),
         ],
     )
     def test_is_refused_by_the_field_that_is_wrong(

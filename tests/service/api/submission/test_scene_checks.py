@@ -116,14 +116,13 @@ async def check(
     *,
     is_gone: IsGone = stays,
     values: int = 1,
-    total_s: float = 60.0,
 ) -> Checked:
     """What is found in the upload with the same values so many times."""
     with tempfile.TemporaryFile() as file:
         file.write(content)
         file.flush()
-        async with checks.slot(is_gone) as slot:
-            return await slot.check(file, [({}, 0)] * values, total_s=total_s)
+        async with checks.slot(is_gone) as check:
+            return await check(file, [({}, 0)] * values)
 
 
 GOOD = scene()
@@ -162,31 +161,13 @@ class TestTheBudget:
     def test_of_many_values_is_one_and_those_known_by_then_are_told(
         self, make: Callable[..., SceneChecks]
     ) -> None:
-        checks = make(slot_s=0.01)
-        found = asyncio.run(check(checks, dear(tags=2), values=1000, total_s=0.3))
+        checks = make(total_s=0.3)
+        found = asyncio.run(check(checks, dear(tags=2), values=1000))
         assert 1 <= len(found.sizes) < 1000
         assert found.error is None
 
 
 class TestATurn:
-    def test_comes_between_the_values_of_a_long_check(
-        self, make: Callable[..., SceneChecks]
-    ) -> None:
-        checks = make(slot_s=0.01)
-
-        async def story() -> None:
-            # Given two checks of very many values, which have the two slots there are
-            long = [asyncio.create_task(check(checks, dear(tags=1), values=500)) for _ in range(2)]
-            await asyncio.sleep(0)
-            # When a third comes, it is made before they are done
-            assert (await check(checks, GOOD)).sizes == [(768, 576)]
-            assert not any(task.done() for task in long)
-            for task in long:
-                task.cancel()
-            await asyncio.wait(long)
-
-        asyncio.run(story())
-
     def test_is_refused_where_too_many_wait_and_given_up_by_who_has_gone(
         self, make: Callable[..., SceneChecks]
     ) -> None:
