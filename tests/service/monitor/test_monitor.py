@@ -85,6 +85,17 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     assert farm.jobs.get(patient.id).state is JobState.QUEUED
 
 
+def test_a_job_keeps_its_slices_where_asked(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_every_time(monkeypatch)
+    with farm.monitor():
+        done = work(farm, farm.submit(**QUICK, keep_slices=True))
+    kept = farm.store.names(blobs.partials(done.id))
+    assert len(kept) == len(farm.jobs.ledger(done.id)) >= done.spp // 10
+    assert farm.store.names(blobs.checkpoints(done.id)) == []
+
+
 def spoil(farm: NoiseFarm, lease: Lease) -> None:
     """Change a byte of a committed partial."""
     blob = farm.jobs.ledger(lease.job_id)[lease.index]["blob"]

@@ -208,10 +208,12 @@ class TestARole:
         mine, yours = as_("submitter"), as_("submitter")
         job = submit(mine).json()
         assert (job["owner"], job["owner_name"]) == (id_of(mine), "a submitter")
+        nobodys = StagedJob(client).id
+        found = yours.get("/v1/jobs", params={"owner": id_of(mine)}).json()["jobs"]
+        assert [one["id"] for one in found] == [job["id"]]
         path = f"/v1/jobs/{job['id']}"
         # Everybody may look
         assert yours.get(path).json()["owner"] == id_of(mine)
-        nobodys = StagedJob(client).id
         for steered in (path, f"/v1/jobs/{nobodys}"):
             for answer in (
                 yours.patch(steered, json={"priority": 1}),
