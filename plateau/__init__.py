@@ -27,7 +27,6 @@ if TYPE_CHECKING:
         UnknownScene,
         Unreachable,
     )
-    from plateau.client.async_client import AsyncClient
     from plateau.farm.model.errors import InvalidSpec
     from plateau.farm.model.spec import (
         ExrSpec,
@@ -49,7 +48,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ApiError",
-    "AsyncClient",
     "BadId",
     "BrokenScene",
     "Client",
@@ -87,7 +85,6 @@ __all__ = [
 #: Homes of names that are neither specs nor the client's.
 _HOMES: Final = {
     "InvalidSpec": "plateau.farm.model.errors",
-    "AsyncClient": "plateau.client.async_client",
     "JobState": "plateau.farm.model.states",
     "RenderFailed": "plateau.rendering.render",
     "Result": "plateau.rendering.result",

@@ -13,7 +13,8 @@ import typer
 import typer.main
 
 from plateau.commands import app, meet_extensions
-from plateau.commands.options import rule_options, spec_from_options
+from plateau.commands.options import rule_options
+from plateau.commands.options.spec_options import spec_from_options
 
 meet_extensions()
 
@@ -42,7 +43,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "A job's id may be shortened, as in git. A batch is several jobs under one name, such "
             "as the frames of an animation: [animation.md](animation.md)."
         ),
-        ("submit", "watch", "list", "show", "log", "fetch", "movie", "usage"),
+        ("submit", "watch", "list", "show", "log", "fetch", "usage"),
     ),
     (
         "Control jobs and workers",
@@ -79,7 +80,7 @@ _BEGIN: Final = """\
 <!-- Written by `make manual` from the help of the commands. -->
 
 Every command has `--help`. With `--json`, commands print JSON for scripts. `plateau
---install-completion` teaches the shell the names of commands, scenes and jobs.
+--install-completion` teaches the shell the names of commands, rules and jobs.
 
 """
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from plateau.client.batches import BatchCalls
 from plateau.client.farm_calls import FarmCalls
@@ -10,9 +10,6 @@ from plateau.client.jobs import JobCalls
 from plateau.client.results import ResultCalls
 from plateau.client.transport import Transport
 from plateau.client.watching import WatchingCalls
-
-if TYPE_CHECKING:
-    pass
 
 DEFAULT_URL: Final = "http://127.0.0.1:8713"
 

@@ -11,12 +11,11 @@ from typing import Final
 # Help lists the commands in this order.
 # isort: off
 from plateau.commands import render, serve, doctor, submit, watch, listing, show  # noqa: F401
-from plateau.commands import fetch, movie, steer, farm, diff, denoise, judge  # noqa: F401
+from plateau.commands import fetch, steer, farm, diff, denoise, judge  # noqa: F401
 from plateau.commands import keys, sweep, scale, redis_acl  # noqa: F401
 
 # isort: on
 from plateau.commands.app import app
-from plateau.commands.options.bash_completion import completing_in_bash, with_whole_words
 from plateau.extensions import extensions
 from plateau.streams import standard_streams
 
@@ -53,7 +52,4 @@ def _main() -> None:
     gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)  # no last collection: the process frees everything
     meet_extensions("".join(sys.argv[1:2]))
-    if completing_in_bash("_PLATEAU_COMPLETE"):
-        with_whole_words(lambda: app(prog_name="plateau"))
-    else:
-        app(prog_name="plateau")
+    app(prog_name="plateau")

@@ -53,7 +53,6 @@ _EXTRAS: Final[dict[str, str]] = {
     "judge": "monitor",
     "keys": "farm",
     "monitor": "service",
-    "movie": "images,movie",
     "redis-acl": "farm",
     "scale": "farm",
     "worker": "worker",

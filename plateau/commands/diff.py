@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -13,9 +13,6 @@ from plateau.commands.app import app
 from plateau.commands.options.spec_fields import view_of_place
 from plateau.commands.printing import print_json
 from plateau.errors import ExitCode, tell
-
-if TYPE_CHECKING:
-    from plateau.metric.display import SeenFrom
 
 _Made = TypeVar("_Made")
 
@@ -27,15 +24,6 @@ def diff(
     field_of_view: Annotated[
         float | None,
         typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
-    ] = None,
-    viewing_distance: Annotated[
-        float | None,
-        typer.Option(
-            help="Distance to the screen in cm; with --pixel-pitch, in place of the angle."
-        ),
-    ] = None,
-    pixel_pitch: Annotated[
-        float | None, typer.Option(help="Distance between the screen's pixels in mm.")
     ] = None,
     pixels_per_degree: Annotated[
         float | None,
@@ -97,7 +85,7 @@ def diff(
     For example:
       plateau diff before.png after.png --map difference.png
       plateau diff reference.exr test.exr --exposure 1 --json
-      plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
+      plateau diff a.exr b.exr --layer diffuse --pixels-per-degree 42
       plateau diff reference.exr test.exr --seen desk --jod --heat heat.png
 
     Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
@@ -121,12 +109,11 @@ def diff(
     view |= {name: value for name, value in given.items() if value is not None}
     try:
         shown = _made(View, view)
-        if view.get("pixels_per_degree") and (field_of_view or viewing_distance):
+        if view.get("pixels_per_degree") and field_of_view:
             raise CannotCompare(
-                "give --seen or --pixels-per-degree, or how large the image is: both say at which "
-                "angle a pixel is seen"
+                "give --seen or --pixels-per-degree, or --field-of-view: both say at which angle a "
+                "pixel is seen"
             )
-        seen_from = _seen_from(viewing_distance, pixel_pitch, field_of_view)
         for option, file in (("--map", map_file), ("--heat", heat)):
             if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
                 raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
@@ -138,7 +125,6 @@ def diff(
                 shown,
                 gamma=gamma,
                 layer=layer,
-                seen_from=seen_from,
                 jod=jod or heat is not None,
             )
             for file, write in zip(
@@ -155,25 +141,6 @@ def diff(
         print(comparison.in_words())
 
 
-def _seen_from(
-    viewing_distance: float | None, pixel_pitch: float | None, field_of_view: float | None
-) -> "SeenFrom | None":
-    from plateau.metric.display import SeenFrom
-    from plateau.picture.diff import CannotCompare
-
-    if viewing_distance is None and pixel_pitch is None:
-        return None
-    if viewing_distance is None or pixel_pitch is None:
-        raise CannotCompare("give --viewing-distance and --pixel-pitch together")
-    if field_of_view is not None:
-        raise CannotCompare(
-            "give --field-of-view, or --viewing-distance and --pixel-pitch: both "
-            "say how large the image is"
-        )
-    size = {"viewing_distance_cm": viewing_distance, "pixel_pitch_mm": pixel_pitch}
-    return _made(SeenFrom, size)
-
-
 def _made(kind: Callable[..., _Made], fields: dict[str, Any]) -> _Made:
     """Return what these fields make; an error names the option of a wrong one."""
     try:
@@ -182,5 +149,5 @@ def _made(kind: Callable[..., _Made], fields: dict[str, Any]) -> _Made:
         from plateau.picture.diff import CannotCompare
 
         field, _, rule = str(error).partition(" ")
-        option = re.sub(r"_(ev|deg|cm|mm)$", "", field).replace("_", "-")
+        option = re.sub(r"_(ev|deg)$", "", field).replace("_", "-")
         raise CannotCompare(f"--{option} {rule}") from error

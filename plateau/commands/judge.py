@@ -8,6 +8,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.options.spec_options import AMONG_MANY, Spec, takes_spec
 from plateau.commands.printing import print_json
 from plateau.errors import CommandFailed
 
@@ -23,10 +24,10 @@ _RENDERING = (
 
 
 @app.command()
-@o.takes_spec(but=(*_RENDERING, *o.AMONG_MANY))
+@takes_spec(but=(*_RENDERING, *AMONG_MANY))
 def judge(
     folder: Annotated[Path, typer.Argument(help="Kept slices of a job, or EXR images.")],
-    spec: o.Spec,
+    spec: Spec,
     cumulative: Annotated[
         bool,
         typer.Option("--cumulative", help="Each image contains the samples of the image before."),

@@ -8,6 +8,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.options.spec_options import AMONG_MANY, Spec, takes_spec
 from plateau.commands.printing import print_json
 from plateau.errors import EXIT_CODES, tell
 from plateau.farm.model.states import JobState
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 
 
 @app.command()
-@o.takes_spec(but=o.AMONG_MANY)
+@takes_spec(but=AMONG_MANY)
 def render(
     scene: o.Scene,
-    spec: o.Spec,
+    spec: Spec,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ] = Path("plateau-out"),

@@ -1,14 +1,13 @@
 """`plateau up`, and its processes alone: `plateau api | monitor | worker`."""
 
-import inspect
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.options.taking import options_of, taking
 from plateau.errors import CommandFailed, tell
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def _door(
     return Door(host, port, open_to_all, tls_certificate, tls_key)
 
 
-_takes_door = o.taking("door", _door, list(inspect.signature(_door).parameters.values()))
+_takes_door = taking("door", _door, options_of(_door))
 
 
 @app.command()

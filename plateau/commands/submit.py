@@ -10,6 +10,7 @@ import typer
 from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.connect import connect
+from plateau.commands.options.spec_options import Spec, takes_changes, takes_spec
 from plateau.commands.printing import print_one
 from plateau.errors import CommandFailed, tell
 
@@ -20,10 +21,10 @@ _SECRET = "PLATEAU_WEBHOOK_SECRET"
 
 
 @app.command()
-@o.takes_spec()
+@takes_spec()
 def submit(
     scene: o.Scene,
-    spec: o.Spec,
+    spec: Spec,
     each: Annotated[
         list[str] | None,
         typer.Option(
@@ -33,13 +34,6 @@ def submit(
             "each combination.",
         ),
     ] = None,
-    zipped: Annotated[
-        bool,
-        typer.Option(
-            "--zipped",
-            help="Combine the values of several --each one by one: the first with the first.",
-        ),
-    ] = False,
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -77,8 +71,6 @@ def submit(
       plateau watch --batch walk -o frames
       plateau submit scene.zip --notify ops --notify https://studio.example/hooks/plateau
     """
-    if zipped and not each:
-        raise typer.BadParameter("--zipped combines the values of --each: give some")
     if same_seeds and not each and parameters is None:
         raise typer.BadParameter("--same-seeds is of many jobs: give --each or --parameters")
     if each and parameters is not None:
@@ -88,7 +80,7 @@ def submit(
         from plateau.files.frames import each as combined
         from plateau.files.frames import from_file
 
-        entries = from_file(parameters) if parameters else combined(each or (), zipped=zipped)
+        entries = from_file(parameters) if parameters else combined(each or ())
         with connect(url) as client:
             batch = client.submit_batch(scene, entries, spec, same_seeds=same_seeds)
         print_one(batch, batch.name, as_json=as_json)
@@ -133,7 +125,7 @@ def _with_notice(spec: "JobSpec", told: Sequence[str]) -> "JobSpec":
 
 
 @app.command()
-@o.takes_changes(but={"shot"})
+@takes_changes(but={"shot"})
 def again(
     job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
 ) -> None:

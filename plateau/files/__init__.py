@@ -1,1 +1,1 @@
-"""Files that commands read and write: packed scenes, movies, result folders."""
+"""Files that commands read and write: packed scenes and result folders."""

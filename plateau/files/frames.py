@@ -25,7 +25,7 @@ _LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
 _OTHER_RANGE: Final = re.compile(r"([0-9]+) *(?:[-–:…]|\.{3}|to) *([0-9]+)(?:[x:%]([0-9]+))?")
 
 
-def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
+def each(definitions: Sequence[str]) -> list[Values]:
     """Every combination of the defined values; the last parameter varies fastest.
 
     Parameters
@@ -34,14 +34,11 @@ def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
         ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
         numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values, and for several ranges.
         Zeros ahead of FIRST are kept.
-    zipped
-        Combine the first values of all parameters, then the second ones, and so on.
 
     Raises
     ------
     CommandFailed
-        A definition is malformed, a name occurs twice, there are too many combinations, or zipped
-        parameters have unequally many values.
+        A definition is malformed, a name occurs twice, or there are too many combinations.
     """
     names, values = [], []
     for definition in definitions:
@@ -52,13 +49,8 @@ def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
         values.append(_values(text))
     if len(set(names)) < len(names):
         raise CommandFailed("--each names one parameter twice")
-    counts = [len(one) for one in values]
-    if zipped and len(set(counts)) > 1:
-        told = ", ".join(f"{name} has {count}" for name, count in zip(names, counts, strict=True))
-        raise CommandFailed(f"--zipped needs as many values for each parameter: {told}")
-    _check_count(counts[0] if zipped else math.prod(counts))
-    combined = zip(*values, strict=True) if zipped else product(*values)
-    return _without_twins([dict(zip(names, one, strict=True)) for one in combined])
+    _check_count(math.prod(map(len, values)))
+    return _without_twins([dict(zip(names, one, strict=True)) for one in product(*values)])
 
 
 def _values(text: str) -> list[str]:

@@ -9,7 +9,6 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.wire.views import JobView
-from plateau.files.sequence import what_it_shows
 
 #: The image of a job that a file with this suffix is.
 IMAGES: Final = {".exr": "image.exr", ".png": "image.png"}
@@ -79,7 +78,7 @@ class OutPattern:
             # Some file systems tell apart neither case nor the ways to write an accented letter.
             place_on_disk = unicodedata.normalize("NFC", str(path)).casefold()
             other, before = takers.get(place_on_disk, (path, None))
-            if before is not None and what_it_shows(before) != what_it_shows(job):
+            if before is not None and _what_it_shows(before) != _what_it_shows(job):
                 raise CommandFailed(
                     f"-o {self.text!r} gives the jobs {before.id} and {job.id} one file, {path}"
                     f"{'' if path == other else f', where case does not count (also {other})'}: "
@@ -118,6 +117,14 @@ class OutPattern:
             yield shown
 
 
+def _what_it_shows(job: JobView) -> Mapping[str, object]:
+    """What tells the frame of a job from others.
+
+    Parameters are as Mitsuba reads them: 1 and "1" are one frame.
+    """
+    return {**job.spec.parameter_strings(), "name": job.name, "sensor": job.spec.sensor}
+
+
 def _laid_out(value: object, layout: str) -> str:
     """The value in its format; text of a number, as command lines and CSV give it, is one."""
     if layout and isinstance(value, str):
@@ -129,6 +136,6 @@ def _laid_out(value: object, layout: str) -> str:
 
 def _difference(one: JobView, other: JobView) -> str:
     """The first field in which two jobs differ: sensors have none, but the jobs have ids."""
-    had, has = what_it_shows(one), what_it_shows(other)
+    had, has = _what_it_shows(one), _what_it_shows(other)
     name = next(name for name in {**had, **has} if had.get(name) != has.get(name))
     return "id" if name == "sensor" else name

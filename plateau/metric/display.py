@@ -143,39 +143,6 @@ class View:
         return float(2.0 ** min(max(-self.exposure_ev / self.gamma, least), most))
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenFrom:
-    """The viewing distance and pixel pitch, which determine the field of view of an image.
-
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its domain.
-    """
-
-    #: From the eye to the screen, in cm, above 0.
-    viewing_distance_cm: float
-    #: From the middle of a pixel to that of its neighbour, in mm, above 0.
-    pixel_pitch_mm: float
-
-    def __post_init__(self) -> None:
-        for name in ("viewing_distance_cm", "pixel_pitch_mm"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be above 0, not {value}")
-
-    def field_of_view_deg(self, width: int) -> float:
-        """Return the angle that an image of this width fills: 2 atan(w pitch / 2 distance).
-
-        Examples
-        --------
-        >>> round(SeenFrom(viewing_distance_cm=60, pixel_pitch_mm=0.25).field_of_view_deg(1920), 1)
-        43.6
-        """
-        half_width_cm = width * self.pixel_pitch_mm / 10 / 2
-        return math.degrees(2 * math.atan(half_width_cm / self.viewing_distance_cm))
-
-
 def as_image(image: NDArray[Any]) -> Image:
     """Return the array as a float32 image; ValueError if it is not (H, W, 3) or has no pixel."""
     image = np.asarray(image)

@@ -29,7 +29,7 @@ from plateau.metric import (
     encode_srgb,
     heat_map,
 )
-from plateau.metric.display import SeenFrom, displayed, finite_pixels
+from plateau.metric.display import displayed, finite_pixels
 
 if TYPE_CHECKING:
     from plateau.metric.cvvdp.model import Quality
@@ -121,7 +121,6 @@ def compare_files(
     *,
     gamma: float | None = None,
     layer: str | None = None,
-    seen_from: SeenFrom | None = None,
     jod: bool = False,
 ) -> Comparison:
     """Compare two PNG or two EXR files, as both would be seen on the same screen.
@@ -139,8 +138,6 @@ def compare_files(
         1 for EXR. Colour profiles and other such notes in the files are not read.
     layer
         Of EXR files; None for their plain R, G and B.
-    seen_from
-        Where given, the view's field of view is the one that the image's width has from there.
     jod
         Whether to compare them by ColorVideoVDP too, whose kernels compile for some 15 s once.
         Pixels that are not finite in either image count as equal.
@@ -162,8 +159,6 @@ def compare_files(
     ours, theirs = (
         _decoded(path, kind, contents[path], view.gamma, layer) for path in (reference, test)
     )
-    if seen_from is not None:
-        view = replace(view, field_of_view_deg=seen_from.field_of_view_deg(ours.shape[1]))
     metric = VisibleDifferences(view)
     try:
         difference = metric.compare(metric.percept(ours), metric.percept(theirs))

@@ -1,7 +1,7 @@
 """The client's calls for observer studies."""
 
 from collections.abc import Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from plateau.client import Client
 from plateau.client.transport import Calls
@@ -93,6 +93,6 @@ class StudyCalls(Calls):
         asked = {"seen": seen, "seconds": seconds}
         return self._transport.ask(AnswerView, "PUT", path, json=asked)
 
-    def csv(self, study_id: str, what: Literal["answers", "trials"]) -> str:
-        """The answers as CSV: in the form of the paper's table 1, or one line for each."""
-        return self._transport.send("GET", f"/v1/studies/{study_id}/{what}.csv").text
+    def trials_csv(self, study_id: str) -> str:
+        """The answers as CSV, one line for each."""
+        return self._transport.send("GET", f"/v1/studies/{study_id}/trials.csv").text

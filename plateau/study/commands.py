@@ -2,10 +2,9 @@
 
 import math
 import sys
-from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,13 +16,8 @@ from plateau.errors import CommandFailed, ExitCode, tell
 
 if TYPE_CHECKING:
     from plateau.farm.model.job import CurvePoint, Job
-    from plateau.study.answers_table import FittedScene
     from plateau.study.views import StudyView
 
-_NO_INTERVALS = (
-    "a table of shares does not say how many answers it is made of, so there are no intervals; fit "
-    "the single answers (trials.csv) to get them"
-)
 _COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
 
 study = group(
@@ -165,9 +159,6 @@ def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
 
 def _row(study: "StudyView") -> tuple[str, ...]:
     half = next((one for one in study.result.thresholds if one.probability == 0.5), None)
-    interval = None
-    if half is not None and half.low_spp is not None and half.high_spp is not None:
-        interval = (half.low_spp, half.high_spp)
     return (
         study.id,
         study.name,
@@ -176,16 +167,13 @@ def _row(study: "StudyView") -> tuple[str, ...]:
         f"{study.result.finished} of {study.result.observers}",
         str(study.result.answers),
         "–" if half is None else f"{half.spp:,.0f} spp",
-        _between(interval),
+        "–" if half is None else f"{half.low_spp:,.0f} – {half.high_spp:,.0f}",
     )
 
 
 @study.command()
 def export(
     study_id: _StudyId,
-    table: Annotated[
-        bool, typer.Option("--table", help="Export shares, in the form of the paper's table 1.")
-    ] = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="FILE", help="File to write.", show_default="stdout"),
@@ -205,7 +193,7 @@ def export(
         if as_json:
             text = StudyCalls(client).get(study_id).model_dump_json(indent=2) + "\n"
         else:
-            text = StudyCalls(client).csv(study_id, "answers" if table else "trials")
+            text = StudyCalls(client).trials_csv(study_id)
     if out is None:
         sys.stdout.write(text)
     else:
@@ -253,80 +241,17 @@ def fit(
     For example:
       plateau study fit trials.csv --plot thresholds.png
     """
-    from plateau.study.answers import AnswersFit
+    from plateau.study import fit_text
     from plateau.study.answers_table import fit_table, plot_study
 
     fitted = fit_table(table)
     if plot is not None:
         plot_study(fitted, plot)
     if as_json:
-        print_json([_as_json(one) for one in fitted])
-    elif isinstance(fitted[0].fit, AnswersFit):
-        _print_answers(fitted)
+        print_json([fit_text.as_json(one) for one in fitted])
     else:
-        _print_table(fitted)
-        tell(_NO_INTERVALS)
+        fit_text.print_fits(fitted)
     for one in fitted:
         for told in one.warnings():
             tell(f"{one.scene}: {told}")
     raise typer.Exit(ExitCode.FAILED if all(one.refusal for one in fitted) else ExitCode.OK)
-
-
-def _print_table(fitted: "list[FittedScene]") -> None:
-    from plateau.study.model import PROBABILITIES
-
-    width = max(len(one.scene) for one in fitted)
-    thresholds = "".join(f"{f'{probability:.0%} at':>10}" for probability in PROBABILITIES)
-    print(f"{'scene':<{width}}{'a':>11}{'b':>9}{'c':>7}{'r':>9}{thresholds}")
-    for one in fitted:
-        places = "".join(_place(one.threshold(probability)) for probability in PROBABILITIES)
-        figures = asdict(one.fit)
-        print(f"{one.scene:<{width}}{_fitted(one)}{figures['c']:>7.2f}{figures['r']:>9.3f}{places}")
-
-
-def _print_answers(fitted: "list[FittedScene]") -> None:
-    from plateau.study.answers import AnswersFit
-    from plateau.study.model import PROBABILITIES
-
-    width = max(len("scene"), *(len(one.scene) for one in fitted))
-    thresholds = "".join(f"{f'{p:.0%} at':>10}{'95 % interval':>18}" for p in PROBABILITIES)
-    print(f"{'scene':<{width}}{'answers':>9}{'observers':>11}{'a':>11}{'b':>9}{thresholds}")
-    for one in fitted:
-        assert isinstance(one.fit, AnswersFit)
-        places = "".join(
-            f"{_place(one.threshold(p))}{_between(one.interval(p)):>18}" for p in PROBABILITIES
-        )
-        print(
-            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}{_fitted(one)}{places}"
-        )
-
-
-def _fitted(one: "FittedScene") -> str:
-    """The columns of a and b."""
-    if one.refusal:
-        return f"{'–':>11}{'–':>9}"
-    return f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}"
-
-
-def _place(spp: float | None) -> str:
-    return f"{'–' if spp is None else f'{spp:,.0f}':>10}"
-
-
-def _between(interval: tuple[float, float] | None) -> str:
-    return "–" if interval is None else f"{interval[0]:,.0f} – {interval[1]:,.0f}"
-
-
-def _as_json(one: "FittedScene") -> dict[str, object]:
-    from plateau.study.answers import AnswersFit
-    from plateau.study.model import PROBABILITIES
-
-    figures: dict[str, Any] = asdict(one.fit)
-    figures.pop("covariances", None)
-    if one.refusal:
-        figures |= {"a": None, "b": None}
-    thresholds = {f"{probability:g}": one.threshold(probability) for probability in PROBABILITIES}
-    found: dict[str, object] = {"scene": one.scene, **figures, "threshold_spp": thresholds}
-    if isinstance(one.fit, AnswersFit):
-        found["interval_spp"] = {f"{p:g}": one.interval(p) for p in PROBABILITIES}
-    found["warnings"] = one.warnings()
-    return found

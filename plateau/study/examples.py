@@ -71,7 +71,6 @@ ANSWER: Final[dict[str, Any]] = {
     "seconds": 2.4,
     "at": "2026-11-21T09:31:07.330Z",
 }
-ANSWERS_CSV: Final = "scene,100,500,900\nBAR 1,1,0.958333,0.875\n"
 TRIALS_CSV: Final = (
     "scene,observer,trial,spp,reference,seen,seconds,at,pixels_per_degree,viewing_distance_cm,"
     "gamma_matches\n"

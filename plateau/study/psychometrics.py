@@ -91,9 +91,7 @@ class LogitFit(Psychometric):
         return self.c
 
 
-def fit_logit(
-    spp: Sequence[float], probabilities: Sequence[float], ceiling: float = CEILING
-) -> LogitFit:
+def fit_logit(spp: Sequence[float], probabilities: Sequence[float]) -> LogitFit:
     """Return the least-squares line through the logits ln(p/(c-p)) over spp, as the paper fits it.
 
     Parameters
@@ -101,9 +99,7 @@ def fit_logit(
     spp
         Samples per pixel of the images shown, at least two different ones.
     probabilities
-        To perceive a difference from the reference, above 0 and below the ceiling.
-    ceiling
-        c, above 0.
+        To perceive a difference from the reference, above 0 and below c = 1.01.
 
     Raises
     ------
@@ -128,7 +124,7 @@ def fit_logit(
         raise ValueError(f"{x.size} spp and {len(probabilities)} probabilities do not go together")
     if not np.isfinite(x).all() or np.unique(x).size < 2:
         raise ValueError("a fit needs probabilities at two different spp or more")
-    logits = np.array([logit(p, ceiling) for p in probabilities])
+    logits = np.array([logit(p, CEILING) for p in probabilities])
 
     dx, dy = x - x.mean(), logits - logits.mean()
     a = float(dx @ dy / (dx @ dx))
@@ -136,7 +132,7 @@ def fit_logit(
     return LogitFit(
         a=a,
         b=float(logits.mean() - a * x.mean()),
-        c=ceiling,
+        c=CEILING,
         r=float(dx @ dy) / spread if spread > 0 else 0.0,
     )
 

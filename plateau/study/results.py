@@ -71,13 +71,6 @@ def study_result(study: Study, observers: list[Observer], answers: list[Answer])
     )
 
 
-def table_csv(study: Study, answers: list[Answer]) -> str:
-    """The paper's table 1: the share of "seen" among the answers at each level that has any."""
-    levels = [level for level in _levels(study, answers) if level.shown]
-    shares = [f"{level.seen / level.shown:.6g}" for level in levels]
-    return _csv([["scene", *(level.spp for level in levels)], [study.name, *shares]])
-
-
 def trials_csv(study: Study, observers: list[Observer], answers: list[Answer]) -> str:
     """All answers, a line each."""
     screens = {observer.name: observer.screen for observer in observers}

@@ -27,7 +27,7 @@ from plateau.study.model import (
     StudyNotFound,
     TrialNotFound,
 )
-from plateau.study.results import StudyResults, table_csv, trials_csv
+from plateau.study.results import StudyResults, trials_csv
 from plateau.study.views import (
     AnswerView,
     NewAnswer,
@@ -191,18 +191,6 @@ def get_study_level(
 ) -> Response:
     """Show a test image."""
     return _picture(farm, study_id, study_level(study_id, spp))
-
-
-@router.get(
-    "/{study_id}/answers.csv", response_class=Response, responses=_csv(examples.ANSWERS_CSV)
-)
-def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
-    """Export the shares that saw a difference, in the form of the paper's table 1.
-
-    It has a column for each level that has answers. `plateau study fit` reads it.
-    """
-    study = farm.studies.get(study_id)
-    return _as_csv(f"{study.id}-answers.csv", table_csv(study, farm.studies.answers(study)))
 
 
 @router.get("/{study_id}/trials.csv", response_class=Response, responses=_csv(examples.TRIALS_CSV))

@@ -29,8 +29,8 @@ class Threshold(BaseModel):
 
     probability: float = Field(description="to see a difference")
     spp: float
-    low_spp: float | None = Field(description="95 % interval; null if the answers give none")
-    high_spp: float | None
+    low_spp: float = Field(description="95 % interval")
+    high_spp: float
 
 
 class StudyResult(BaseModel):
@@ -160,7 +160,6 @@ def study_view(study: Study, result: StudyResult) -> StudyView:
         links={
             "self": root,
             "reference": f"{root}/reference.png",
-            "answers_csv": f"{root}/answers.csv",
             "trials_csv": f"{root}/trials.csv",
             "page": f"/studies/{study.id}",
             "observe": f"/studies/{study.id}/observe",

@@ -2,15 +2,11 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 
 from plateau.farm.images.exr import Pixels
@@ -18,7 +14,6 @@ from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.wire.views import JobView
 from plateau.worker.supervisor.variants import choose
 from tests.support.farms.real_farm import BOX, RealFarm
-from tests.support.long_tests import rare
 from tests.support.until import until
 
 SIZE = 48
@@ -29,7 +24,6 @@ SPEC = {
     "max_spp": 1200,
     "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
 }
-Victims = dict[str, list[subprocess.Popen[bytes]]]
 Outcome = tuple[JobView, list[dict[str, object]], Pixels]
 
 
@@ -104,58 +98,3 @@ np.save(into, (total[..., :3] / total[..., 3:]).astype(np.float32))
         env={**os.environ, **({"DRJIT_LIBLLVM_PATH": library} if library else {})},
     )
     np.testing.assert_array_equal(np.load(into), image)
-
-
-def kill_the_render_child(farm: RealFarm, victims: Victims) -> None:
-    for worker in victims["worker"]:
-        for child in psutil.Process(worker.pid).children():
-            child.kill()
-
-
-def kill_a_worker(farm: RealFarm, victims: Victims) -> None:
-    farm.kill(victims["worker"].pop())
-    victims["worker"] += farm.workers(1)
-
-
-def kill_the_monitor(farm: RealFarm, victims: Victims) -> None:
-    farm.kill(victims["monitor"].pop())
-    victims["monitor"].append(farm.start("monitor"))
-
-
-def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> None:
-    zombie = victims["worker"][0]
-    os.kill(zombie.pid, signal.SIGSTOP)
-    time.sleep(3)
-    os.kill(zombie.pid, signal.SIGCONT)
-
-
-@pytest.fixture(scope="module")
-def victims(shared_farm: RealFarm, undisturbed: Outcome) -> Iterator[Victims]:
-    """A monitor and two workers; in the place of one that dies comes another.
-
-    They start when those that made the undisturbed image have stopped.
-    """
-    yield {"monitor": [shared_farm.start("monitor")], "worker": shared_farm.workers(2)}
-    shared_farm.stop_all()
-
-
-@pytest.mark.parametrize(
-    "fault",
-    rare(
-        kill_a_worker, kill_the_monitor, kill_the_render_child, stop_a_worker_longer_than_its_lease
-    ),
-)
-def test_a_death_in_the_middle_changes_nothing(
-    shared_farm: RealFarm, victims: Victims, undisturbed: Outcome, fault: Callable[..., None]
-) -> None:
-    farm = shared_farm
-    until(lambda: len(farm.client.workers()) == 2)
-    # Given a job in the middle of its work
-    job = farm.client.job(farm.submit_half_way(**SPEC))
-    # When something dies
-    fault(farm, victims)
-    # Then nothing is different in the end
-    assert_same(outcome(farm, job), undisturbed)
-    ledger = farm.client.slices(job.id)
-    assert sorted(part.index for part in ledger) == [part.index for part in ledger]
-    assert len({part.index for part in ledger}) == len(ledger)

@@ -167,17 +167,6 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(
     assert not [name for name in packed if name.startswith(("tests/", "bench/"))]
 
 
-def test_one_line_installs_the_command(
-    wheel: Path, run: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-) -> None:
-    where = {"UV_TOOL_DIR": str(tmp_path / "tools"), "UV_TOOL_BIN_DIR": str(tmp_path / "bin")}
-    uv("tool", "install", "--python", sys.executable, "--constraints", CONSTRAINTS, wheel, **where)
-    told = run(tmp_path / "bin" / "plateau", "--version")
-    assert told.stdout.split()[-1] == metadata("plateau")["Version"], told.stderr
-    script = run(tmp_path / "bin" / "plateau", _PLATEAU_COMPLETE="source_bash")
-    assert "complete -o default -F" in script.stdout, script.stderr
-
-
 @pytest.mark.long
 def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     install: Callable[[str], Path], run: Callable[..., subprocess.CompletedProcess[str]]

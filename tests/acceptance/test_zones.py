@@ -1,7 +1,6 @@
 """Zones and denoised images do not depend on who rendered them, nor on who died on the way."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +8,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import decode_layers
-from tests.acceptance.test_same_image import (
-    Victims,
-    assert_same,
-    kill_a_worker,
-    kill_the_monitor,
-    outcome,
-)
+from tests.acceptance.test_same_image import assert_same, outcome
 from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.long_tests import rare
 
@@ -39,27 +32,22 @@ def box_with(rfilter: str, folder: Path) -> Path:
     return scene.parent
 
 
-@pytest.fixture(scope="module")
-def victims(shared_farm: RealFarm) -> Iterator[Victims]:
-    """A monitor and two workers; in the place of one that dies comes another."""
-    shared_farm.stop_all()
-    yield {"monitor": [shared_farm.start("monitor")], "worker": shared_farm.workers(2)}
-    shared_farm.stop_all()
-
-
 @pytest.mark.parametrize(
     ("rfilter", "how"), [("box", ZONES), ("box", DENOISED), *rare(("gaussian", ZONES))]
 )
 def test_workers_and_monitors_that_come_and_go_make_the_same_image(
-    shared_farm: RealFarm, victims: Victims, tmp_path: Path, rfilter: str, how: dict[str, Any]
+    farm: RealFarm, tmp_path: Path, rfilter: str, how: dict[str, Any]
 ) -> None:
-    farm, scene = shared_farm, box_with(rfilter, tmp_path)
+    scene, monitor = box_with(rfilter, tmp_path), farm.start("monitor")
+    victim, _ = farm.workers(2)
     # Given what comes of the job where nothing happens
     alone = outcome(farm, farm.submit(scene, **SPEC, **how))
     # When a worker dies, and the monitor after it
     job = farm.client.job(farm.submit_half_way(scene, **SPEC, **how))
-    kill_a_worker(farm, victims)
-    kill_the_monitor(farm, victims)
+    farm.kill(victim)
+    farm.workers(1)
+    farm.kill(monitor)
+    farm.start("monitor")
     # Then all is the same, to the bit
     assert_same(outcome(farm, job), alone)
     found = decode_layers(farm.client.image(job.id, "image.exr"))

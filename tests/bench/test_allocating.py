@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench import allocation
-from bench.support.film import JUDGING, OTHERS, Film
-from bench.support.truth import Truth, crossing
+from bench.support.film import Film
+from bench.support.truth import Truth
 from plateau.metric import View
 from plateau.metric.compiled import CompiledVisibleDifferences
 
@@ -36,24 +36,6 @@ def test_a_film_has_the_samples_that_each_pixel_got(recording):
     assert film.exhausted
 
 
-def test_the_two_pairs_of_halves_have_uncorrelated_noise(recording):
-    film = Film(recording, SPP, np.arange(len(recording)))
-    film.add(np.ones((48, 48), bool), 1000)
-    differences = []
-    for split in (JUDGING, OTHERS):
-        halves = film.evidence(CompiledVisibleDifferences(View()), split).halves
-        assert halves is not None
-        differences.append((halves[0].mean - halves[1].mean).ravel())
-    assert abs(np.corrcoef(*differences)[0, 1]) < 0.03
-
-
-def test_the_truth_falls_and_is_found_again(recording):
-    truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
-    counts = [truth.visible(spp).sum() for spp in (25.0, 50.0, 100.0)]
-    assert counts[0] > counts[1] > counts[2] > 0
-    assert truth.spp_at(counts[1], 400.0) == pytest.approx(50, rel=0.03)
-
-
 def test_zones_end_sooner_than_frames(recording):
     truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
     found = allocation.measured(truth, runs=1)
@@ -61,7 +43,3 @@ def test_zones_end_sooner_than_frames(recording):
     assert zones[allocation.SPP] < 0.8 * frames[allocation.SPP]
     cells = allocation.cells(found)
     assert cells[allocation.FRAMES].startswith("1.00, 1.00, ")
-
-
-def test_a_crossing_is_found():
-    assert crossing(lambda x: 100 / x, 4) == pytest.approx(25, rel=0.02)

@@ -1,13 +1,11 @@
 """The experiment in small: the farm renders once, then a scene is judged and timed."""
 
-from pathlib import Path
-
 import pytest
 
 from bench import savings
 from bench.support import series
 from bench.support.recordings import SCENES
-from bench.support.series import CYCLES_ADAPTIVE, Rendered, Series, Size
+from bench.support.series import Rendered, Series, Size
 from plateau.farm.model.spec import (
     JobSpec,
     MultipleSpec,
@@ -47,27 +45,6 @@ def test_it_stops_where_plateau_judge_does(box: Series, renders: Rendered) -> No
     for rule, name in {**names, "multiple": "multiple, window 5"}.items():
         stop = box.stops[f"{name} @100"]
         assert judged.stops[rule] == (stop.spp if stop.ended else None)
-
-
-def test_a_stop_says_what_is_seen_there(box: Series) -> None:
-    for rule, stop in box.stops.items():
-        assert rule == CYCLES_ADAPTIVE or stop.seen == box.truth[int(stop.spp) // 50 - 1]
-        assert stop.ended or rule == CYCLES_ADAPTIVE or stop.spp == 600
-
-
-def test_nothing_is_rendered_twice(renders: Rendered) -> None:
-    data = renders.slices.parents[1]
-    before = {path: path.stat().st_mtime_ns for path in data.rglob("*")}
-    assert series.rendered(BOX, SIZE, data, workers=1) == renders
-    assert {path: path.stat().st_mtime_ns for path in data.rglob("*")} == before
-
-
-def test_what_is_kept_is_read_again(
-    box: Series, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(series, "RESULTS", tmp_path)
-    series.keep(box, BOX)
-    assert series.known() == [box]
 
 
 def test_rendering_and_looking_cost_something(renders: Rendered) -> None:

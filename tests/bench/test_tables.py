@@ -1,7 +1,6 @@
 """Figures in the documents are the benchmarks' own: each table is that of the results."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -29,33 +28,6 @@ def texts() -> dict[str, str]:
 def test_a_document_shows_what_was_found(document: str, texts: dict[str, str]) -> None:
     shown = report.places(report.DOCS / document)
     assert shown == {name: texts[name] for name in shown}
-
-
-def test_a_table_goes_to_its_place_and_to_no_other(tmp_path: Path) -> None:
-    document = tmp_path / "a.md"
-    document.write_text("one\n<!-- a -->\nold\n<!-- /a -->\ntwo\n<!-- b -->\n<!-- /b -->\n")
-    table = report.markdown([["x"], ["1"]])
-    report.fill(document, {"a": table, "c": "nowhere"})
-    assert report.places(document) == {"a": table, "b": ""}
-    before = document.read_text()
-    report.fill(document, {"a": table})
-    assert document.read_text() == before
-
-
-def test_rows_are_renewed_in_their_places() -> None:
-    known = [["scene", "spp"], ["A", "1"], ["A", "2"], ["B", "3"]]
-    new = [["scene", "spp"], ["C", "4"], ["A", "5"]]
-    assert report.renewed(known, new) == [["scene", "spp"], ["A", "5"], ["B", "3"], ["C", "4"]]
-    assert report.renewed(None, new) == new
-
-
-def test_a_report_keeps_what_is_not_measured_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(report, "RESULTS", tmp_path)
-    report.write_report("x", {"a": [["", "s"], ["one", "1"]], "b": [[""]]}, settings={})
-    report.write_report("x", {"a": [["", "s"], ["two", "2"]]}, settings={})
-    assert report.last_tables("x") == {"a": [["", "s"], ["one", "1"], ["two", "2"]], "b": [[""]]}
 
 
 #: What docs/science/metric.md says in words of the compiled metric's cost.

@@ -1,15 +1,14 @@
 """Process trees that run in turns, and the farm and the bare renderer as two of them."""
 
 import sys
-import time
 from itertools import pairwise
 
 import psutil
 import pytest
 
 from bench import farm
-from bench.support.alone import Case, call_rates, calls_that_fit
-from bench.support.processes import Ran, Watch, take_turns
+from bench.support.alone import Case
+from bench.support.processes import take_turns
 from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER
 from plateau.worker.supervisor.variants import choose
@@ -32,12 +31,6 @@ def test_a_tree_has_its_turns_and_nothing_beside() -> None:
     assert all(end <= start for (_, end), (start, _) in pairwise(turns))
 
 
-def test_own_time_goes_on_in_turns_only() -> None:
-    ran = Ran(turns=[(10.0, 11.0), (15.0, 16.0)])
-    assert [ran.own_s(at) for at in (9, 10.5, 13, 15.5, 20)] == [0, 0.5, 1, 1.5, 2]
-    assert ran.own_s() == 2
-
-
 def test_where_one_fails_none_is_left() -> None:
     long = _python("import time; time.sleep(600)")
     with pytest.raises(ChildProcessError, match="short: exit code 3"):
@@ -45,45 +38,11 @@ def test_where_one_fails_none_is_left() -> None:
     assert not psutil.pid_exists(long.pid)
 
 
-def test_who_has_ended_counts_with_what_it_had_used() -> None:
-    spins = [[sys.executable, "-c", _SPIN, name] for name in ("worker", "monitor")]
-    root = _python(f"import subprocess\nfor one in {spins}: subprocess.run(one)")
-    watch = Watch(root)
-    while root.poll() is None:
-        watch.look()
-        time.sleep(0.01)
-    assert watch.looks[0].all_ == 0
-    assert 0.35 < watch.looks[-1].monitor / watch.looks[-1].all_ < 0.65
-
-
-def _case(width: int, height: int) -> Case:
-    return Case(
-        scene=FOLDER / "box",
-        width=width,
-        height=height,
-        choice=choose(Settings().cache),
-        threads=1,
-    )
-
-
-def test_a_call_of_the_bare_renderer_fits_memory_and_is_a_third_of_the_image_at_most() -> None:
-    assert calls_that_fit(_case(512, 512), 10_000) == [16, 32, 64, 128, 256]
-    assert calls_that_fit(_case(1920, 1080), 10_000) == [16, 32]
-    assert calls_that_fit(_case(512, 512), 200) == [16, 32, 64]
-    assert calls_that_fit(_case(4096, 4096), 200) == [4]
-    assert calls_that_fit(_case(16384, 16384), 200) == [1]
-
-
-def test_the_bare_renderers_calls_are_timed_by_their_size() -> None:
-    rates = call_rates(_case(64, 48), [1, 32], samples=2**16, rounds=2)
-    assert list(rates) == [1, 32]
-    assert all(1000 < rate < 1e9 for rate in rates.values())
-
-
 @pytest.mark.timeout(600)
 @pytest.mark.long
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
-    case = _case(32, 24)
+    choice = choose(Settings().cache)
+    case = Case(scene=FOLDER / "box", width=32, height=24, choice=choice, threads=1)
     effort = farm.Effort(pairs=1, seconds=0.1, step=50, rounds=1, samples=2**16, turn_s=0.05)
     head, row = farm.measure(case, effort)["farm"]
     found = dict(zip(head, row, strict=True))

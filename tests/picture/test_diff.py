@@ -183,10 +183,8 @@ class TestTheQuality:
 
 def test_a_place_and_an_angle_are_not_both_given(file):
     image = file("a.png", grey())
-    for more in (["--field-of-view", "20"], ["--viewing-distance", "60", "--pixel-pitch", "0.25"]):
-        assert "say at which angle a pixel is seen" in refused(
-            image, image, "--seen", "desk", *more
-        )
+    both = ("--seen", "desk", "--field-of-view", "20")
+    assert "say at which angle a pixel is seen" in refused(image, image, *both)
 
 
 def test_the_map_lies_on_the_test_image_and_not_on_the_reference(file):
@@ -299,14 +297,6 @@ def test_a_layer_is_chosen_by_its_name(file, tmp_path):
     assert "--layer is for EXR" in refused(*[file("a.png", grey())] * 2, "--layer", "albedo")
 
 
-def test_the_field_of_view_follows_from_distance_and_pixel_pitch(file):
-    image = file("a.png", grey())
-    given = ("--viewing-distance", "60", "--pixel-pitch", "0.25", "--json")
-    view = json.loads(diff(image, image, *given).stdout)["view"]
-    # 48 pixels of 0.25 mm are 1.2 cm.
-    assert view["field_of_view_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6 / 60)))
-
-
 def write_exr(path, header, channels):
     with OpenEXR.File(header, channels) as exr:
         exr.write(str(path))
@@ -365,13 +355,3 @@ def test_files_cut_short(name, keep, file, tmp_path):
 def test_a_value_out_of_its_domain_is_refused_by_its_option(option, value, file):
     image = file("a.png", grey())
     assert refused(image, image, option, value).startswith(f"plateau: {option} must")
-
-
-def test_a_distance_needs_a_pitch_and_no_angle_beside_it(file):
-    image = file("a.png", grey())
-    assert "and --pixel-pitch together" in refused(image, image, "--viewing-distance", "60")
-    assert "and --pixel-pitch together" in refused(image, image, "--pixel-pitch", "0.25")
-    both = ("--viewing-distance", "60", "--pixel-pitch", "0.25")
-    assert "give --field-of-view, or" in refused(image, image, *both, "--field-of-view", "45")
-    nowhere = ("--viewing-distance", "0", "--pixel-pitch", "0.25")
-    assert refused(image, image, *nowhere).startswith("plateau: --viewing-distance must")

@@ -44,13 +44,6 @@ def test_observers_who_differ_widen_it() -> None:
     assert sum(map(holds, fits)) > 85 > sum(map(holds, alone))
 
 
-def test_many_answers_give_the_curve_itself() -> None:
-    fit = simulated(1, observers=3000)
-    assert fit.threshold(0.5) == pytest.approx(THRESHOLD, rel=0.02)
-    assert fit.a == pytest.approx(-1 / SPREAD, rel=0.05)
-    assert fit.probability([THRESHOLD, 1e9]).tolist() == pytest.approx([0.5, 0], abs=0.02)
-
-
 def test_answers_that_change_at_one_level_have_a_finite_fit() -> None:
     spp = [100, 200, 300, 400] * 6
     fit = fit_answers(spp, [True, True, False, False] * 6, ["a"] * 12 + ["b"] * 12)
@@ -63,11 +56,6 @@ def test_answers_that_change_at_one_level_have_a_finite_fit() -> None:
 def test_answers_that_do_not_depend_on_spp_bound_nothing(seen: list[bool]) -> None:
     fit = fit_answers([100, 100, 200, 200] * 2, seen, ["a"] * 4 + ["b"] * 4)
     assert fit.interval(0.5) is None
-
-
-def test_one_observer_has_an_interval_too() -> None:
-    fit = simulated(3, observers=1)
-    assert (fit.observers, fit.answers, len(fit.covariances)) == (1, 14, 1)
 
 
 @pytest.mark.parametrize(

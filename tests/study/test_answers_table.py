@@ -9,7 +9,7 @@ import pytest
 import typer
 
 from plateau.study import commands
-from plateau.study.answers_table import CannotFit, fit_table, plot_study
+from plateau.study.answers_table import CannotFit, fit_table
 
 PAPER = Path(__file__).parents[1] / "reference" / "paper"
 TABLE_1 = PAPER / "table1-probability-to-perceive.csv"
@@ -60,13 +60,6 @@ def test_it_is_printed_as_a_table_or_as_json(
     assert len(json.loads(capsys.readouterr().out)) == 9
 
 
-def test_a_single_scene_is_plotted_too(tmp_path: Path) -> None:
-    table = tmp_path / "one.csv"
-    table.write_text("scene,100,200\nbox,0.9,0.2\n")
-    plot_study(fit_table(table), tmp_path / "one.png")
-    assert (tmp_path / "one.png").exists()
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -75,6 +68,7 @@ def test_a_single_scene_is_plotted_too(tmp_path: Path) -> None:
         ("scene,100,many\nbox,1,1\n", "line 1: 'many' is not a number"),
         ("scene,100,200\nbox,1\n", "line 2: the row has 2 values, and the header names 3 columns"),
         ("scene,100,200\nbox,1,1.5\n", r"line 2 \(box\): the probability 1.5 cannot be fitted"),
+        ("scene,100,200\nbox,1,0\n", "fit the single answers instead"),
         ("scene,100,100\nbox,1,0.5\n", "two different spp"),
     ],
 )
@@ -104,13 +98,6 @@ class TestSingleAnswers:
         [told] = json.loads(capsys.readouterr().out)
         assert (told["a"], told["b"], told["answers"]) == (None, None, 11)
         assert told["threshold_spp"] == told["interval_spp"] == {"0.5": None, "0.1": None}
-
-    def test_that_are_seen_more_often_with_more_samples_have_none(self, tmp_path: Path) -> None:
-        table = trials(tmp_path, "box", [(100, False), (200, True)] * 15)
-        [fitted] = fit_table(table)
-        assert (fitted.threshold(0.5), fitted.interval(0.5)) == (None, None)
-        (told,) = fitted.warnings()
-        assert told.startswith("no fit: observers did not see differences less often at more")
 
     def test_that_do_not_bound_a_threshold_leave_it_open(self, tmp_path: Path) -> None:
         # Given answers that hardly depend on what was shown

@@ -63,12 +63,10 @@ def test_a_study_from_the_command_line(
         row = [study_id, "noise", "constant", "10–80 spp", "5 of 5", "30"]
         assert listed[-1].split("\t")[:6] == row
 
-        table, trials = tmp_path / "table.csv", tmp_path / "trials.csv"
-        assert plateau("export", study_id, "--table", "-o", str(table))[0] == 0
-        assert table.read_text().startswith("scene,10,40,80\nnoise,")
-        code, out, _ = plateau("export", study_id)
-        trials.write_text(out)
-        assert out.count("\n") == 31
+        trials = tmp_path / "trials.csv"
+        assert plateau("export", study_id, "-o", str(trials)) == (0, "", "")
+        assert trials.read_text() == plateau("export", study_id)[1]
+        assert trials.read_text().count("\n") == 31
         assert json.loads(plateau("export", study_id, "--json")[1])["result"]["answers"] == 30
         fitted = plateau("fit", str(trials))[1].splitlines()
         assert fitted[0].split()[:3] == ["scene", "answers", "observers"]

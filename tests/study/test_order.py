@@ -20,36 +20,24 @@ def blocks(levels: tuple[int, ...], number: int) -> tuple[list[int], list[int]]:
 
 @pytest.mark.parametrize("levels", LEVELS, ids=len)
 class TestConstantStimuli:
-    def test_each_level_is_shown_once_in_each_block(self, levels: tuple[int, ...]) -> None:
-        for number in range(60):
-            for block in blocks(levels, number):
-                assert sorted(block) == list(levels)
-
-    def test_no_level_is_shown_twice_in_a_row(self, levels: tuple[int, ...]) -> None:
-        for number in range(60):
-            first, second = blocks(levels, number)
-            assert first[-1] != second[0]
-
-    def test_the_reference_is_once_at_each_side_of_each_level(
+    def test_each_level_is_shown_once_in_each_block_and_once_with_the_reference_at_each_side(
         self, levels: tuple[int, ...]
     ) -> None:
         for number in range(60):
+            first, second = blocks(levels, number)
+            assert sorted(first) == sorted(second) == list(levels)
+            assert first[-1] != second[0]
             shown = pairs(STUDY, levels, "constant", number)
             assert len(set(shown)) == 2 * len(levels)
-            first = [pair.reference for pair in shown[: len(levels)]]
-            assert abs(first.count("left") - first.count("right")) <= 1
+            sides = [pair.reference for pair in shown[: len(levels)]]
+            assert abs(sides.count("left") - sides.count("right")) <= 1
 
-    def test_over_all_rows_each_level_has_each_place_equally_often(
+    def test_over_all_rows_each_level_has_each_place_and_follows_each_other_equally_often(
         self, levels: tuple[int, ...]
     ) -> None:
         rows = [blocks(levels, number)[0] for number in range(2 * len(levels))]
         for place in zip(*rows, strict=True):
             assert set(Counter(place).values()) == {2}
-
-    def test_over_all_rows_each_level_follows_each_other_equally_often(
-        self, levels: tuple[int, ...]
-    ) -> None:
-        rows = [blocks(levels, number)[0] for number in range(2 * len(levels))]
         follows = Counter(step for row in rows for step in pairwise(row))
         assert len(follows) == len(levels) * (len(levels) - 1)
         assert set(follows.values()) == {2}

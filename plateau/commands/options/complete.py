@@ -3,20 +3,15 @@
 Each function returns the matching values, each with a short description. A service that is asked
 has one second; if it fails, nothing is offered, since a prompt is no place for an error.
 
-Zsh evaluates the completions, and Typer does not quote backslashes. So files with special
-characters in their names are not offered, and special characters in the names of scenes are
-replaced.
+Zsh evaluates the completions, and Typer does not quote backslashes. So special characters in the
+names of scenes are replaced. Paths are left to the shell.
 """
 
 import re
-from pathlib import Path
 from typing import Final
 
 import typer
 
-from plateau import scenes
-
-_SCHEME: Final = "scenes:"
 #: Any other character may be special in some shell.
 _NOT_PLAIN: Final = re.compile(r"[^\w.+-]")
 
@@ -51,20 +46,6 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
         and job.id.startswith(incomplete)
         and (useful is None or job.state.value in useful)
     ]
-
-
-def scene_files(incomplete: str) -> Offered:
-    """The example scenes, and the folders and scene files of the current folder.
-
-    If no example scene matches, nothing is offered, and the shell completes paths.
-    """
-    ours = [(f"{_SCHEME}{name}", "an example scene") for name in scenes.NAMES]
-    found = [offer for offer in ours if offer[0].startswith(incomplete)]
-    if found and not incomplete.startswith(_SCHEME):
-        found += [(f"{path}/", "a folder") for path in _here(incomplete) if path.is_dir()]
-        files = (path for path in _here(incomplete) if path.suffix in {".xml", ".zip"})
-        found += [(str(path), "a scene") for path in files]
-    return found
 
 
 def states(incomplete: str) -> Offered:
@@ -106,14 +87,3 @@ def places(incomplete: str) -> Offered:
         for name, view in PLACES.items()
         if name.startswith(incomplete)
     ]
-
-
-def _here(incomplete: str) -> list[Path]:
-    hidden = incomplete.startswith(".")
-    return sorted(
-        path
-        for path in Path().iterdir()
-        if path.name.startswith(incomplete)
-        and not _NOT_PLAIN.search(path.name)
-        and (hidden or path.name[0] != ".")
-    )

@@ -24,7 +24,7 @@ _EXR: Final = {"exr_precision": "precision", "exr_compression": "compression"}
 
 
 def spec_fields(**options: Any) -> dict[str, Any]:
-    """The fields of a spec that were given; the options are in `plateau.commands.options`."""
+    """The fields of a spec that were given; `spec_options` has the options."""
     given = {name: value for name, value in options.items() if value not in (None, [])}
     seen = given.pop("seen", None)
     if "field_of_view" in given and (seen is not None or "pixels_per_degree" in given):

@@ -62,6 +62,11 @@ def root_tag(name: str) -> str:
     return f"{_TAG}{name}"
 
 
+def is_root_tag(tag: str) -> bool:
+    """Whether a tag is that of a root."""
+    return tag.startswith(_TAG)
+
+
 def named_path(text: str, roots: Iterable[SceneRoot]) -> tuple[str, str] | None:
     """The root's name, and the path in it, of ``{NAME}/PATH`` or of an absolute path in a root.
 

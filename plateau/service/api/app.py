@@ -90,7 +90,7 @@ def create_app(
         version="1",
         lifespan=lifespan,
         dependencies=[Depends(refuse_unknown_parameters)],
-        # A route's name is its operation's id, and so a method's name in a generated client.
+        # A route's name is its operation's id, by which generators name the method of a client.
         generate_unique_id_function=lambda route: route.name,
         # A redirect would silently end an upload by curl.
         redirect_slashes=False,

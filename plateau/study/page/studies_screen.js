@@ -50,6 +50,6 @@ export function methodInWords({ method }) {
  * @param {Api.StudyResult} result
  */
 function halfInWords({ thresholds }) {
-  const half = thresholds.find(({ probability, low_spp: low }) => probability === 0.5 && low != null);
+  const half = thresholds.find(({ probability }) => probability === 0.5);
   return half ? `half see a difference at ${whole(half.spp)} spp` : "no threshold yet";
 }

@@ -8,7 +8,7 @@ import { attempt } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { methodInWords } from "./studies_screen.js";
-import { boundedOf, studyPlot } from "./threshold_plot.js";
+import { studyPlot } from "./threshold_plot.js";
 
 const EVERY_MS = 5000;
 
@@ -63,8 +63,7 @@ export function open(main, { id, signal, go }) {
       table("The answers at each level", ["spp", "shown", "difference seen", "share"], h("tbody", {}, result.levels.map(row))),
       h("div", { class: "files" },
         downloadLink(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
-        downloadLink(study.links.answers_csv, `${study.id}-answers.csv`, "The paper's table 1 (CSV)"),
-        h("span", {}, h("code", {}, "plateau study fit"), " reads and plots both")),
+        h("span", {}, h("code", {}, "plateau study fit"), " reads and plots them")),
     ].filter((one) => one !== false);
   }
 
@@ -101,11 +100,10 @@ export function open(main, { id, signal, go }) {
  * @param {Api.StudyResult} result
  */
 function thresholds({ thresholds: found, answers }) {
-  const bounded = boundedOf(found);
-  if (!bounded.length && answers) {
+  if (!found.length && answers) {
     return [h("p", { class: "note" }, "The answers do not bound a threshold yet. Collect more of them, or show levels at which some see a difference and others do not.")];
   }
-  return bounded.map(({ probability, spp, low, high }) =>
+  return found.map(({ probability, spp, low_spp: low, high_spp: high }) =>
     h("p", { class: "threshold" }, h("strong", {}, `${whole(spp)} spp`),
       `a difference is seen in ${100 * probability} % of the answers here (95 % interval: ${whole(Math.max(0, low))} to ${whole(high)} spp).`));
 }

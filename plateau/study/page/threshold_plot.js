@@ -7,15 +7,6 @@ const WIDTH = 640;
 const HEIGHT = 280;
 const [LEFT, RIGHT, TOP, BOTTOM] = [44, 14, 12, 36];
 
-/**
- * The thresholds that have an interval.
- * @param {Api.Threshold[]} thresholds
- */
-export function boundedOf(thresholds) {
-  return thresholds.flatMap(({ low_spp: low, high_spp: high, ...threshold }) =>
-    (low == null || high == null ? [] : [{ ...threshold, low, high }]));
-}
-
 /** @param {Api.StudyResult} result */
 export function studyPlot({ levels, a, b, thresholds }) {
   const most = 1.1 * levels[levels.length - 1].spp;
@@ -25,7 +16,7 @@ export function studyPlot({ levels, a, b, thresholds }) {
     svg("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y(share), y2: y(share) }),
     svg("text", { x: LEFT - 8, y: y(share), class: "down" }, `${100 * share} %`));
   const along = levels.map(({ spp }) => svg("text", { x: x(spp), y: HEIGHT - BOTTOM + 18, class: "along" }, whole(spp)));
-  const bands = boundedOf(thresholds).map(({ low, high }) =>
+  const bands = thresholds.map(({ low_spp: low, high_spp: high }) =>
     svg("rect", { class: "band", x: x(low), width: x(high) - x(low), y: TOP, height: HEIGHT - TOP - BOTTOM }));
   const curve = a == null || b == null ? [] : Array.from({ length: 101 }, (_, at) => {
     const spp = (most * at) / 100;

@@ -1,10 +1,8 @@
 """The client takes what people have at hand, and what it returns can be passed on."""
 
-import asyncio
 import inspect
 import pickle
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +11,9 @@ import redis
 import plateau as package
 import plateau.client.errors
 import plateau.errors
-from plateau import ApiError, AsyncClient, BadId, Client, ClientError, TimedOut, Unreachable
+from plateau import ApiError, BadId, Client, ClientError, TimedOut, Unreachable
 from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.versions import plateau as version
 from tests.support.farms.staged_job import StagedJob
 
 
@@ -130,62 +127,6 @@ def test_clients_and_jobs_can_be_pickled(plateau: Client, client: redis.Redis) -
     assert pickle.loads(pickle.dumps(job)) == job
     with pickle.loads(pickle.dumps(Client(plateau.url, patience_s=1.0))) as again:
         assert again.job(job.id) == job
-
-
-def test_the_package_knows_its_version() -> None:
-    assert package.__version__ == version()
-
-
-class TestAsync:
-    def test_it_has_every_call(self) -> None:
-        def calls(kind: type) -> set[str]:
-            found = inspect.getmembers(kind, inspect.isfunction)
-            return {name for name, _ in found if not name.startswith("_")}
-
-        assert calls(AsyncClient) == calls(Client)
-
-    def test_many_waits_at_once(self, api: str, client: redis.Redis) -> None:
-        jobs = [StagedJob(client) for _ in range(40)]  # more than a pool of threads has
-
-        async def finish() -> list[str]:
-            async with AsyncClient(api) as plateau:
-                waits = [asyncio.create_task(plateau.wait(job.id)) for job in jobs]
-                assert (await plateau.job(jobs[0].id)).id == jobs[0].id
-                for job in jobs:
-                    job.commit()
-                    job.end()
-                    job.finish()
-                return [job.id for job in await asyncio.gather(*waits)]
-
-        assert asyncio.run(finish()) == [job.id for job in jobs]
-
-    def test_iterators_and_errors(self, api: str, client: redis.Redis, tmp_path: Path) -> None:
-        job = StagedJob(client)
-        job.commit(2)
-        job.end()
-        job.finish()
-
-        async def look() -> tuple[list[str], list[str]]:
-            async with AsyncClient(api) as plateau:
-                with pytest.raises(UnknownJob):
-                    await plateau.job("0123456789ab")
-                events = [event.type async for event in plateau.events(job.id)]
-                return events, [one.id async for one in plateau.all_jobs()]
-
-        events, jobs = asyncio.run(look())
-        assert events[-1] == "finished"
-        assert jobs == [job.id]
-
-    def test_a_cancelled_wait_lets_go(self, api: str, client: redis.Redis) -> None:
-        job = StagedJob(client)
-
-        async def give_up() -> str:
-            async with AsyncClient(api) as plateau:
-                with pytest.raises(asyncio.TimeoutError):
-                    await asyncio.wait_for(plateau.wait(job.id), 0.2)
-                return (await plateau.cancel(job.id)).state.value
-
-        assert asyncio.run(give_up()) == "cancelled"
 
 
 def test_all_of_its_own_errors_have_one_base() -> None:

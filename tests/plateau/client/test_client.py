@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.client import ApiError, Client, Unreachable
+from plateau.client import ApiError, Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle import BundleError
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.api.process import listen
@@ -94,21 +93,6 @@ def test_a_problem_is_an_error_with_all_that_it_says(
         list(plateau.events("nope"))
 
 
-def test_a_scene_that_cannot_be_packed_is_refused_here(plateau: Client, tmp_path: Path) -> None:
-    (tmp_path / "scene.xml").write_bytes(scene(mesh("gone.ply")))
-    with pytest.raises(BundleError, match=r"gone\.ply"):
-        plateau.submit(tmp_path)
-
-
-def test_a_service_that_is_not_there_is_said_to_be_so() -> None:
-    with (
-        listen("127.0.0.1", 0) as silent,  # it is nobody else's port, and nobody listens
-        Client(f"http://127.0.0.1:{silent.getsockname()[1]}", patience_s=0) as client,
-        pytest.raises(Unreachable, match="plateau up"),
-    ):
-        client.jobs()
-
-
 def test_events_go_on_after_the_api_was_restarted(
     redis_url: str, client: redis.Redis, store: Blobs
 ) -> None:
@@ -134,9 +118,3 @@ def test_events_go_on_after_the_api_was_restarted(
     # Then everything was heard once
     assert heard == ["state", "state", "slice", "point", "state", "image", "finished"]
     plateau.close()
-
-
-def test_a_submission_that_is_repeated_makes_one_job(plateau: Client, box: Path) -> None:
-    first = plateau.submit(box, idempotency_key="k")
-    assert plateau.submit(box, idempotency_key="k").id == first.id
-    assert plateau.submit(box).id != first.id

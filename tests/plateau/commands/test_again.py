@@ -52,25 +52,6 @@ def test_an_ended_job_goes_on_under_the_id_that_is_printed(farm: NoiseFarm) -> N
     assert farm.jobs.get(out.strip()).spec.rule.model_dump() == {"name": "fixed", "spp": 500}
 
 
-def test_kept_slices_are_judged_again(farm: NoiseFarm) -> None:
-    job = ended(farm, keep_slices=True)
-    cap = str(10 * len(farm.jobs.ledger(job.id)))
-    asked = ("--field-of-view", "20", "--watch", "reverse", "--max-spp", cap)
-    code, out, err = plateau("again", job.id, *asked)
-    assert (code, f"keeps {cap} spp of job {job.id}" in err) == (0, True)
-    spec = farm.jobs.get(out.strip()).spec
-    assert spec.view.field_of_view_deg == 20
-    assert [rule.name for rule in spec.watch] == ["reverse"]
-
-
-def test_what_cannot_be_is_said(farm: NoiseFarm) -> None:
-    code, _, error = plateau("again", farm.submit(**SHORT).id)
-    assert (code, "only a job that has ended can be deleted or rendered again" in error) == (
-        1,
-        True,
-    )
-
-
 def test_a_scene_is_rendered_anew_with_what_was_changed(farm: NoiseFarm) -> None:
     files = {"scene": ("box.xml", SCENE_XML)}
     asked = {

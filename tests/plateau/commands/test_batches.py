@@ -16,7 +16,6 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.frames import each, from_file
-from plateau.files.packing import pack
 from plateau.terminal.batch_progress import batch_progress_on
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau as command
@@ -91,15 +90,6 @@ class TestTheClient:
         later.join()
 
 
-def test_a_bundle_has_what_any_of_its_jobs_needs(walk: Path) -> None:
-    def packed(*frames: str) -> set[str]:
-        with pack(walk, *({"frame": frame} for frame in frames)) as bundle:
-            return {path.name for path in bundle.files}
-
-    assert packed("0") == packed("0", "0") == {"scene.xml", "0.ply"}
-    assert packed("0", "2") == {"scene.xml", "0.ply", "2.ply"}
-
-
 class TestLists:
     @pytest.mark.parametrize(
         ("text", "values"),
@@ -126,14 +116,6 @@ class TestLists:
             {"a": "2", "b": "x"},
             {"a": "2", "b": "y"},
         ]
-
-    def test_of_several_are_zipped(self) -> None:
-        assert each(["a=1..3:2", "b=x,y"], zipped=True) == [
-            {"a": "1", "b": "x"},
-            {"a": "3", "b": "y"},
-        ]
-        with pytest.raises(CommandFailed, match="as many values for each parameter: a has 3, b"):
-            each(["a=1..3", "b=x,y"], zipped=True)
 
     @pytest.mark.parametrize(
         ("definitions", "words"),

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 import redis
-import typer
 
-from plateau import scenes
 from plateau.commands import app
-from plateau.commands.options import spec_from_options
 from plateau.commands.options.spec_fields import spec_fields
+from plateau.commands.options.spec_options import spec_from_options
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import PLACES, JobSpec
@@ -38,14 +36,6 @@ def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class TestScenesOfOurOwn:
-    @pytest.mark.usefixtures("_service")
-    def test_are_known_by_name(self) -> None:
-        by_name, by_path = (
-            json.loads(plateau("submit", scene, "--max-spp", "100", "--json")[1])["scene_sha256"]
-            for scene in ("scenes:box", str(scenes.FOLDER / "box" / "scene.xml"))
-        )
-        assert by_name == by_path
-
     def test_are_listed_where_a_name_is_wrong(self) -> None:
         code, _, error = plateau("render", "scenes:bax")
         assert code == 2
@@ -246,23 +236,11 @@ class TestOptions:
         code, _, error = plateau("denoise", "~/a.exr", "~/b.exr", "-o", "~/c.exr")
         assert str(tmp_path / "a.exr") in error
 
-    def test_that_are_wrong_raise_for_callers(self) -> None:
-        with pytest.raises(typer.BadParameter):
-            spec_from_options(step=0)
-
 
 @pytest.mark.usefixtures("_service")
 class TestTalkingToAService:
-    def test_submit_prints_the_id_alone(self, box: str) -> None:
-        code, out, _ = plateau("submit", box, "--max-spp", "200", "--batch", "b")
-        assert code == 0
-        job_id = out.strip()
-        code, out, _ = plateau("show", job_id, "--json")
-        job = json.loads(out)
-        assert (job["id"], job["spec"]["max_spp"], job["spec"]["batch"]) == (job_id, 200, "b")
-
     def test_list_is_for_grep_and_cut(self, box: str) -> None:
-        called = (("--name", "Kitchen v1.2"), (), ())
+        called = (("--name", "Kitchen v1.2"), (), ("--slice-spp", "20", "--max-spp", "10"))
         made = [plateau("submit", box, *name)[1].strip() for name in called]
         plateau("cancel", made[0])
         code, out, err = plateau("list")
@@ -277,27 +255,18 @@ class TestTalkingToAService:
         assert [row[-1] for row in rows] == [*[Path(box).stem] * 2, "Kitchen v1.2"]
         assert plateau("list", "--state", "cancelled")[1].split("\t")[0] == made[0]
         assert len(json.loads(plateau("list", "--limit", "2", "--json")[1])) == 2
+        assert "note:       slice_spp is 10 in place of 20" in plateau("show", made[2])[1]
         assert plateau("list", "--batch", "none") == (0, "", "no jobs\n")
         code, _, err = plateau("list", "--state", "happy")
         assert (code, "the states are queued, rendering" in err) == (1, True)
 
     def test_show_tells_the_story(self, client: redis.Redis, api: str) -> None:
         job = StagedJob(client)
-        job.commit(4)
-        job.point(100, 5, slope=0.5)
-        job.end(JobState.CONVERGED, "levelled off")
-        code, out, _ = plateau("show", job.id)
-        assert code == 0
-        for words in ("queued: created", "rendering: ", "converged: levelled off"):
-            assert words in out
-        assert f"{api}/v1/jobs/{job.id}/image.png" in out
-
-    def test_show_tells_of_troubles_among_it(self, client: redis.Redis) -> None:
-        job = StagedJob(client)
         job.die("the render process was ended by SIGSEGV")
         job.commit()
         job.end(JobState.CONVERGED, "levelled off")
         lines = plateau("show", job.id)[1].splitlines()
+        assert f"{api}/v1/jobs/{job.id}/image.png" in " ".join(lines)
         story = lines[lines.index("story:") + 1 : lines.index("links:")]
         assert [line.split("UTC  ")[1] for line in story] == [
             "queued: created",
@@ -447,34 +416,19 @@ class TestErrorsAreOneLine:
         assert code == 1
         assert err.startswith("plateau: set PLATEAU_REDIS_URL: ")
 
-    def test_of_an_address_that_is_not_loopback(
-        self, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setenv("PLATEAU_REDIS_URL", redis_url)
-        monkeypatch.setenv("PLATEAU_BLOBS", str(tmp_path))
-        code, _, err = plateau("api", "--host", "0.0.0.0")
-        assert code == 1
-        assert "refusing to listen on '0.0.0.0'" in err
-
-    def test_of_a_setting(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setenv("PLATEAU_LEASE_S", "-1")
-        code, _, err = plateau("monitor")
-        assert code == 1
-        assert err == "plateau: PLATEAU_LEASE_S: must be above 0\n"
-
     @pytest.mark.parametrize(
-        ("redis_at", "blobs", "words"),
+        ("settings", "words"),
         [
-            ("nowhere", "/tmp", "PLATEAU_REDIS_URL: "),
-            ("redis://127.0.0.1", "what://ever", "PLATEAU_BLOBS: "),
+            ({"LEASE_S": "-1"}, "PLATEAU_LEASE_S: must be above 0"),
+            ({"REDIS_URL": "nowhere", "BLOBS": "/tmp"}, "PLATEAU_REDIS_URL: "),
+            ({"REDIS_URL": "redis://127.0.0.1", "BLOBS": "what://ever"}, "PLATEAU_BLOBS: "),
         ],
     )
-    def test_of_an_address(
-        self, redis_at: str, blobs: str, words: str, monkeypatch: pytest.MonkeyPatch
+    def test_of_a_setting(
+        self, settings: dict[str, str], words: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setenv("PLATEAU_REDIS_URL", redis_at)
-        monkeypatch.setenv("PLATEAU_BLOBS", blobs)
+        for name, value in settings.items():
+            monkeypatch.setenv(f"PLATEAU_{name}", value)
         code, _, err = plateau("monitor")
-        assert code == 1
+        assert (code, len(err.splitlines())) == (1, 1)
         assert err.startswith(f"plateau: {words}")
-        assert len(err.splitlines()) == 1

@@ -243,12 +243,6 @@ def plateau_client(plateau: Client) -> Client:
 
 
 class TestShortIds:
-    def test_name_a_job_where_no_other_begins_so(self, client: redis.Redis) -> None:
-        jobs = [StagedJob(client).id for _ in range(3)]
-        for job_id in jobs:
-            assert json.loads(plateau("show", job_id[:8], "--json")[1])["id"] == job_id
-        assert plateau("cancel", jobs[0][:8]) == (0, f"{jobs[0]} cancelled\n", "")
-
     def test_that_several_jobs_have_do_nothing(
         self, client: redis.Redis, plateau_client: Client, monkeypatch: pytest.MonkeyPatch
     ) -> None:

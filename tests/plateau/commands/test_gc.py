@@ -147,7 +147,3 @@ class TestWhatItRefuses:
         assert "belong to another Redis" in said
         assert len(said.splitlines()) == 1
         assert kept(data) == (2, 4)
-
-    @pytest.mark.parametrize("days", ["-1", "soon"])
-    def test_days_that_are_none(self, tmp_path: Path, days: str) -> None:
-        assert "--results-older-than" in Gc(tmp_path)("--results-older-than", days, code=2)

@@ -10,7 +10,6 @@ import pytest
 import redis
 
 from tests.support.farms.staged_job import StagedJob
-from tests.support.processes.commands import plateau
 from tests.support.processes.terminal import Terminal
 
 DOTS = re.compile("[\u2801-\u28ff]")
@@ -104,9 +103,13 @@ def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch) -> None:
     assert not COLOUR.search(terminal.written)
 
 
-def test_it_is_left_out_where_nobody_wants_it(watch: Watch) -> None:
-    lines = watch("--no-curve").until(lambda lines: any("changed 20 px" in line for line in lines))
-    assert not has_curve(lines)
+def test_it_is_left_out_where_nobody_wants_it(watch: Watch, job: StagedJob) -> None:
+    terminal = watch("--no-curve")
+    terminal.until(lambda lines: any("changed 20 px" in line for line in lines))
+    job.end()
+    job.finish(200)
+    assert terminal.exit_code() == 0
+    assert not has_curve(terminal.lines())
 
 
 def test_a_dumb_terminal_gets_lines(watch: Watch) -> None:
@@ -123,15 +126,6 @@ def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path:
         job.finish(200)
         assert terminal.exit_code() == 0
     assert json.loads((tmp_path / "said").read_text())["state"] == "converged"
-
-
-def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
-    job.end()
-    job.finish(200)
-    code, printed, said = plateau("watch", job.id, "--url", api)
-    assert code == 0
-    assert not DOTS.search(printed + said)
-    assert "\x1b" not in printed + said
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:

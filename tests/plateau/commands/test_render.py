@@ -1,14 +1,12 @@
 """`plateau render`: from a scene to its results, for real, with Mitsuba."""
 
 import json
-import re
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from plateau.farm.images.exr import decode_layers
 from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.scenes.bundles import scene
@@ -88,26 +86,6 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     assert "of the cap" not in command.said  # the rule fixed saves nothing
 
 
-@pytest.mark.long
-def test_a_scene_of_nan_fails_and_shows_where(render: Render, tmp_path: Path) -> None:
-    # Given a mistake in the light of the world
-    sun = b'<emitter type="constant"><rgb name="radiance" value="nan, 1, 1"/></emitter>'
-    text = FLOOR.replace(b'<emitter type="constant"/>', sun)
-    assert text != FLOOR
-    # Then it is no success, whatever it is rendered for
-    command = render("--rule", "visible", "--step", "50", text=text)
-    assert command.exit_code(120) == 1
-    assert "broken 384 px" in command.said
-    assert "plateau: the job failed: 384 of 384 pixels (100 %) are NaN" in command.said
-    # And neither the words nor the files say that it looks converged
-    out = tmp_path / "out"
-    summary = json.loads((out / "summary.json").read_text())
-    assert (summary["state"], summary["non_finite_pixels"]) == ("failed", 384)
-    assert summary["estimate_pixels"] is None
-    assert str(out / "non-finite.png") in summary["files"]
-    assert (out / "non-finite.png").read_bytes().startswith(b"\x89PNG")
-
-
 @pytest.mark.long  # TestAFolderThatCannotBeWritten has the cheaper half of it
 def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path) -> None:
     command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
@@ -145,47 +123,6 @@ def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
     assert left
     again = render()
     until(lambda: not any(path.exists() for path in left), 120, lambda: again.said)
-
-
-@pytest.mark.long
-def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path) -> None:
-    def points() -> list[tuple[int, int]]:
-        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-        return [(point["spp"], point["visible_pixels"]) for point in summary["curve"]]
-
-    options = ("--rule", "fixed", "--spp", "2000")
-    undisturbed = render(*options)
-    assert undisturbed.exit_code(120) == 0
-    expected = points()
-    disturbed = render(*options)
-    for spp, name in ((200, "worker"), (800, "monitor")):
-        disturbed.wait_for(f" {spp} spp")
-        disturbed.member(name).kill()
-        disturbed.wait_for(rf"{name}\S* was ended by SIGKILL; starting it again")
-    assert disturbed.exit_code(120) == 0
-    assert points() == expected
-
-
-@pytest.mark.long
-def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path) -> None:
-    # Given a scene that says how many samples it wants, as Mitsuba's examples do, and wants grey
-    wants = FLOOR.replace(
-        b"</film>",
-        b'<string name="pixel_format" value="luminance_alpha"/></film>'
-        b'<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>',
-    ).replace(b"<sensor", b'<default name="spp" value="128"/><sensor', 1)
-    command = render("-D", "spp=16", "--rule", "fixed", "--spp", "25", "--step", "25", text=wants)
-    assert command.exit_code(120) == 0
-    # Then the command says what became of it, and so do the results
-    assert re.search(r"note: +the sampler's sample_count of 16 was ignored", command.said)
-    assert re.search(
-        r"note: +the film's pixel_format was changed from 'luminance_alpha' to 'rgba'", command.said
-    )
-    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
-    assert len(notes) == 2
-    # The alpha that it wants, it has
-    channels = decode_layers((tmp_path / "out" / "image.exr").read_bytes())
-    assert channels.keys() == set("RGBA")
 
 
 @pytest.mark.long

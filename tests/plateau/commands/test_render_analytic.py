@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.bundle.analytic import AnalyticScene
-from plateau.farm.images.exr import decode_image, decode_layers
+from plateau.farm.images.exr import decode_image
 from plateau.worker.renderers.analytic.picture import Picture
 from tests.support.processes.commands import Command
 
@@ -47,25 +47,3 @@ def test_it_converges_by_the_rule_visible_to_the_known_image(render, tmp_path):
     count = deviation.size
     assert abs(deviation.mean()) < 5 / count**0.5
     assert abs(deviation.var() - 1) < 5 * (2 / count) ** 0.5
-
-
-@pytest.mark.long
-def test_it_delivers_alpha_and_aovs_in_one_file(tmp_path):
-    path = tmp_path / "checks.json"
-    path.write_text(json.dumps({"analytic": 1, **SIZE, "alpha": True}))
-    command = Command(
-        *("render", str(path), "-o", str(tmp_path / "out"), "--workers", "2", "--threads", "1"),
-        *("--spp", "100", "--aov", "albedo", "--aov", "depth", "--aov", "shape_id"),
-        *("--exr-precision", "half", "--background", "0.2,0.2,0.4"),
-        folder=tmp_path,
-    )
-    try:
-        assert command.exit_code(180) == 0, command.said
-    finally:
-        command.end()
-    layers = decode_layers((tmp_path / "out" / "image.exr").read_bytes())
-    assert layers.keys() == {*"RGBAZ", "albedo.R", "albedo.G", "albedo.B", "id.shape"}
-    albedo = np.stack([layers[f"albedo.{name}"] for name in "RGB"], axis=-1)
-    truth = Picture(AnalyticScene(**SIZE)).truth
-    np.testing.assert_allclose(albedo, truth, rtol=2**-10)
-    assert set(np.unique(layers["id.shape"])) == set(range(1, 10))

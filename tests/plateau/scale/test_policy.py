@@ -130,9 +130,6 @@ class TestComing:
     def test_no_more_than_the_limit(self, farm: Farm) -> None:
         assert [plan.submit for plan in snapshots(farm, 1000, 2)] == [8, 0]
 
-    def test_the_least_without_any_work(self) -> None:
-        assert Farm(Limits(least=2, most=4)).snapshot(0).submit == 2
-
     def test_in_arrays_of_a_size_that_slurm_takes(self) -> None:
         farm = Farm(Limits(most=10_000))
         assert [plan.submit for plan in snapshots(farm, 230, 4)] == [
@@ -238,8 +235,9 @@ class TestGoing:
             farm.change("1_1", job=None, slices_done=done)
             assert not farm.snapshot(0).acts
 
-    def test_the_least_stay(self) -> None:
+    def test_the_least_come_and_stay_without_any_work(self) -> None:
         farm = Farm(Limits(least=2, most=4))
+        assert farm.snapshot(0).submit == 2
         farm.snapshot(4)
         farm.run()
         farm.idle()

@@ -47,14 +47,9 @@ def with_commands(tmp_path: Path) -> str:
     return str(tmp_path)
 
 
-def test_a_script_that_is_not_there_is_named(with_commands: str) -> None:
+def test_a_file_that_will_not_do_is_named(with_commands: str, tmp_path: Path) -> None:
     told = say("--max", "1", "--script", "/nowhere/w.sbatch", code=1, PATH=with_commands)
     assert "there is no batch script /nowhere/w.sbatch" in told
-
-
-def test_so_is_a_line_that_gives_the_workers_no_variable(
-    with_commands: str, tmp_path: Path
-) -> None:
     file = tmp_path / "worker.env"
     file.write_text("# the workers'\n\nPLATEAU_THREADS=4\nexport A=b\n")
     told = say("--max", "1", "--worker-env", str(file), code=1, PATH=with_commands)

@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta, timezone
 
 from plateau.farm.model.job import Event, LogEntry
-from plateau.terminal.story import log_lines, story
+from plateau.terminal.story import story
 
 START = datetime(2026, 11, 21, 8, 0, tzinfo=timezone.utc)
 
@@ -65,18 +65,3 @@ def test_a_cause_of_many_lines_is_a_line_and_cannot_command_the_terminal() -> No
     assert "first | second \\x1b[2J" in line
     assert line.endswith("x…")
     assert len(line) < 270
-
-
-def test_the_log_is_a_line_for_each_try_and_its_words_below_it() -> None:
-    log = [
-        entry(1, "committed", seconds=4.25),
-        entry(2, "died", seconds=62, cause="SIGSEGV", text="one\ntwo\x07"),
-        entry(3, "rejected", cause="gone"),
-    ]
-    assert list(log_lines(log)) == [
-        "2026-11-21 08:00:01 UTC  slice 3  committed after 4.3 s by w",
-        "2026-11-21 08:00:02 UTC  slice 3  died after 1 min 2 s by w: SIGSEGV",
-        "    one",
-        "    two\\x07",
-        "2026-11-21 08:00:03 UTC  slice 3  rejected by w: gone",
-    ]

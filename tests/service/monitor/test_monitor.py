@@ -14,6 +14,7 @@ from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.service.monitor.result_sets import ResultSets
+from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
 from tests.support.until import until
 

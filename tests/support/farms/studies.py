@@ -31,7 +31,7 @@ def ended_job(
     spp = slices * slice_spp
     given = {"step": spp, "slice_spp": slice_spp, "max_spp": spp, "keep_slices": True}
     job = farm.submit(name, **{**given, **spec})
-    owners = Ownerships(farm.jobs._redis, lease_s=60)
+    owners = Ownerships(farm.jobs._redis, lease_s=600)
     owned = owners.acquire(job.id)
     assert owned is not None
     owners.plan(owned, range(slices))

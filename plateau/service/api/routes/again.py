@@ -11,6 +11,7 @@ from pydantic.config import JsonDict
 from plateau.farm.ledger.continuation import changed_spec, lost_by
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.model.job import Again, Job
+from plateau.farm.model.scene_roots import is_root_tag
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import changes as changes_of
 from plateau.farm.model.spec.whole_slices import fitted
@@ -23,7 +24,7 @@ from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.spec_checks import check_size, invalid_spec, with_notice
 from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
-from plateau.service.api.submission.creation import create_job
+from plateau.service.api.submission.creation import create_job, required
 from plateau.service.api.submission.idempotency import IdempotencyKey
 from plateau.service.api.submission.reading import Submission
 from plateau.service.api.submission.storing import stored_scene
@@ -118,6 +119,8 @@ def _continued(
     wanted = _wanted(old, changes)
     spec = fitted(wanted, keep_slices=wanted.slice_spp == old.spec.slice_spp)
     spec = with_notice(spec, farm.receivers, farm.targets)
+    of_roots = filter(is_root_tag, old.spec.requires)  # its scene still lies there
+    spec = spec.model_copy(update={"requires": required(spec, of_roots)})
     check_names(spec)
     check_alone(spec)
     notes = changes_of(wanted, spec)

@@ -3,7 +3,7 @@
 import hashlib
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 from plateau.farm.ledger.jobs import Created
@@ -31,15 +31,10 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     digest = hashlib.sha256(f"{source} {asked.spec.as_request()}".encode()).hexdigest()
     summary = scene.summary
     variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
-    needs = {*asked.spec.requires, *map(root_tag, summary.roots)}
-    if len(needs) > MOST_TAGS:
-        raise Problem(problems.TOO_MANY_TAGS, tags=len(needs), most=MOST_TAGS)
+    requires = required(asked.spec, map(root_tag, summary.roots))
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
-        [
-            one.model_copy(update={"variant": variant, "requires": tuple(sorted(needs))})
-            for one in specs
-        ],
+        [one.model_copy(update={"variant": variant, "requires": requires}) for one in specs],
         name=asked.spec.name or called,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,
@@ -48,6 +43,14 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         notes=(*asked.notes, *_which_sensor(asked.spec, scene.summary.sensors)),
         again=asked.again,
     )
+
+
+def required(spec: JobSpec | BatchSpec, of_roots: Iterable[str]) -> tuple[str, ...]:
+    """The tags that workers must have: those of the spec, and those of the scene's roots."""
+    tags = {*spec.requires, *of_roots}
+    if len(tags) > MOST_TAGS:
+        raise Problem(problems.TOO_MANY_TAGS, tags=len(tags), most=MOST_TAGS)
+    return tuple(sorted(tags))
 
 
 def _which_sensor(spec: JobSpec | BatchSpec, sensors: int) -> Iterator[str]:

@@ -357,6 +357,12 @@ class TestOverHttp:
         # The same key for something else is refused
         other = http.post(path, json={}, headers={"Idempotency-Key": "once"})
         assert other.json()["type"] == "/problems/idempotency-key-reused"
+        # Where its scene lies in a root, other tags do not send it to workers without that
+        spec = ended.spec.model_copy(update={"requires": ("root.a",)})
+        farm.jobs._redis.hset(keys.job(ended.id), "spec", spec.model_dump_json())
+        elsewhere = http.post(path, json={"rule": {"spp": 120}, "requires": ["gpu"]}).json()
+        assert elsewhere["again"]["kept_spp"] == 80
+        assert elsewhere["spec"]["requires"] == ["gpu", "root.a"]
 
     def test_where_samples_cannot_be_kept_all_is_rendered_anew(
         self, farm: NoiseFarm, http: httpx.Client
