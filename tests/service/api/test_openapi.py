@@ -8,14 +8,17 @@ from typing import Any
 import httpx
 import jsonschema_rs
 import pytest
+import redis
 from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
+from plateau.extensions import extensions
 from plateau.farm.model import input_errors
 from plateau.farm.wire import examples
 from plateau.service.api.access.key_guard import needs_key
 from plateau.service.api.problems.catalogue import TYPES
 from plateau.service.api.submission import idempotency
 from tests.service.api.routes.test_jobs import submit
+from tests.support.farms.staged_job import StagedJob
 
 JSON = "application/json"
 PROBLEM = "application/problem+json"
@@ -255,3 +258,31 @@ class TestTheRequestExamples:
         again = submit(http, None, stored["spec"], scene_sha256=stored["scene_sha256"])
         assert again.status_code == 201, again.text
         assert again.json()["scene_sha256"] == first.json()["scene_sha256"]
+
+    def test_are_understood_where_they_are_parameters(
+        self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
+    ) -> None:
+        job = StagedJob(client, batch="exposures", shot={"fps": 24})
+        theirs = {route.path for one in extensions("routes") for route in one.router.routes}
+        for method, path, described in operations:
+            if method == "GET" and path not in theirs:
+                check_parameters_are_understood(http, path, described, job_id=job.id)
+
+
+def check_parameters_are_understood(
+    http: httpx.Client, path: str, described: dict[str, Any], **ids: str
+) -> None:
+    """Ask with the parameters' examples, and these ids in the path."""
+    given: dict[str, dict[str, Any]] = {"path": {}, "query": {}, "header": {}}
+    for parameter in described.get("parameters", ()):
+        given[parameter["in"]][parameter["name"]] = examples_of(parameter)[0]
+    if "job" in given["query"]:
+        given["query"]["job"] = [ids["job_id"]]
+    answer = http.get(
+        path.format(**{**given["path"], **ids}),
+        params=given["query"],
+        headers={**given["header"], "Accept": f"{JSON}, */*;q=0.1"},
+    )
+    # What was staged has no images
+    expected = 404 if path.endswith((".png", ".exr")) else 200
+    assert answer.status_code == expected, f"{path}: {answer.text}"
