@@ -38,7 +38,7 @@ test-stress: setup  ## The suite again and again, quiet and busy: which tests fa
 test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
 	  $(BIN)/python -m pytest -s -m "" tests/faults tests/farm/bundle/test_bundle_fuzz.py \
-	  tests/service/api/submission/test_hostile_uploads.py tests/service/api/test_api_fuzz.py
+	  tests/service/api/test_api_fuzz.py
 
 soak: setup  ## A farm in use and under faults for two hours: nothing lost, nothing grows; SOAK_MINUTES=30 SOAK_SEED=7
 	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) SOAK_SEED=$(or $(SOAK_SEED),1) \

@@ -25,10 +25,10 @@ def fetch(
     For example:
       plateau fetch 3f9ac2d01b77 -o out
 
-    Writes what `plateau render` does, report.html among it, and prints the names of the files. Kept
-    slices are fetched too, except those already in DIR. Files of another job in DIR are removed;
-    other files are not. --json prints the summary. Over HTTP, GET /v1/jobs/ID/results.zip has all
-    but slices in one file.
+    Writes what `plateau render` does, and prints the names of the files. Kept slices are fetched
+    too, except those already in DIR. Files of another job in DIR are removed; other files are not.
+    --json prints the summary. Over HTTP, GET /v1/jobs/ID/results.zip has all but slices in one
+    file.
     """
     from plateau.files.out_folder import ready
     from plateau.rendering.outputs import write_results

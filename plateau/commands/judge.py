@@ -86,8 +86,7 @@ def judge(
 
 def _write(judged: "Judged", spec: "JobSpec", table: Path, drawing: Path) -> None:
     from plateau.farm.wire.curve_csv import curve_csv
-    from plateau.farm.wire.curve_svg import curve_svg
-    from plateau.farm.wire.report import STYLE
+    from plateau.farm.wire.curve_svg import STYLE, curve_svg
 
     table.write_text(curve_csv(judged.points), encoding="utf-8")
     drawn = curve_svg(spec, judged.width * judged.height, judged.points, style=STYLE)

@@ -45,15 +45,14 @@ def render(
 
     Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
     difference.png (pixels that have changed since the first image), noise.png (pixels whose noise
-    is left to see), curve.csv, curve.svg, report.html (all of it on one page), summary.txt and
-    summary.json. With --allocation zones, spp.png shows which parts of the image have many samples
-    (yellow) and which few (dark blue). With the rule jod, quality.png shows where a person would
-    see the noise (yellow). If pixels are NaN or infinite, non-finite.png marks them; more than 0.1
-    % of such pixels fail the job. The files of an earlier job in DIR are replaced at the end, all
-    together, and no other command can write there meanwhile. Ctrl-C cancels the job and still
-    writes its results; a second Ctrl-C exits at once. If DIR cannot be written, the command fails
-    before it renders anything. If DIR becomes unwritable later, the results go to a temporary
-    folder, which the command names.
+    is left to see), curve.csv, curve.svg, summary.txt and summary.json. With --allocation zones,
+    spp.png shows which parts of the image have many samples (yellow) and which few (dark blue).
+    With the rule jod, quality.png shows where a person would see the noise (yellow). If pixels are
+    NaN or infinite, non-finite.png marks them; more than 0.1 % of such pixels fail the job. The
+    files of an earlier job in DIR are replaced at the end, all together, and no other command can
+    write there meanwhile. Ctrl-C cancels the job and still writes its results; a second Ctrl-C
+    exits at once. If DIR cannot be written, the command fails before it renders anything. If DIR
+    becomes unwritable later, the results go to a temporary folder, which the command names.
     """
     from plateau.files.out_folder import ready
     from plateau.processes.interrupts import Interrupts

@@ -15,12 +15,12 @@ Part of the render child.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from plateau.farm.images.channels import surface_colour
 from plateau.farm.images.mattes import attributes_of, letter_of
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.worker.renderers.contract import check_aovs
@@ -65,6 +65,8 @@ _MADE_FROM: Final[Mapping[AovName, tuple[tuple[str, str], ...]]] = {
     "uv": (("use_pass_uv", "UV"),),
     "shape_id": (("use_pass_object_index", "Object Index"),),
 }
+#: Light that Cycles divides by a colour.
+_DIVIDED: Final = re.compile(r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])")
 #: Beyond it Cycles has met nothing.
 _NOTHING: Final = 1e9
 _OBJECT_TYPES_WITHOUT_SURFACE: Final = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE")
@@ -132,6 +134,12 @@ class Passes:
         )
         return (*asked, *map(stored_name, filter(self._is_of_first_sample, self.own)))
 
+    @property
+    def quotients(self) -> tuple[tuple[str, str], ...]:
+        """The channels of light, each with that of the colour by which an image divides it."""
+        divided = self._divided.items()
+        return tuple((stored_name(light), stored_name(colour)) for light, colour in divided)
+
     def planes(
         self, found: Mapping[str, NDArray[np.float32]], spp: int
     ) -> Iterator[NDArray[np.float32]]:
@@ -147,11 +155,12 @@ class Passes:
         for name in self.asked:
             values = self._made(name, found)
             yield from values if name in _AOVS_OF_FIRST_SAMPLE else values * spp
+        divided = self._divided
         for channel in self.own:
             if self._is_of_first_sample(channel) or letter_of(channel) in {"r", "b"}:
                 yield found[channel]
-            elif (colour := surface_colour(channel)) is not None:
-                yield found[channel] * found[colour] * spp
+            elif channel in divided:
+                yield found[channel] * found[divided[channel]] * spp
             else:
                 yield found[channel] * spp
 
@@ -178,6 +187,11 @@ class Passes:
         offset = layers("Position", "XYZ") - self.camera[:3, 3].reshape(3, 1, 1)
         distance = along if self.is_parallel else np.linalg.norm(offset, axis=0, keepdims=True)
         return np.where(along < _NOTHING, distance, 0).astype(np.float32)
+
+    @property
+    def _divided(self) -> dict[str, str]:
+        lights = ((channel, _DIVIDED.fullmatch(channel)) for channel in self.own)
+        return {light: f"{found[1]} Color{found[2]}" for light, found in lights if found}
 
     def _pass_of(self, channel: str) -> str:
         return channel.removeprefix(f"{self.layer}.").rpartition(".")[0]

@@ -112,6 +112,7 @@ class Renderer:
             height=one.height,
             channels=(*CHANNELS, *("A" * one.has_alpha), *passes.names),
             ids=passes.ids,
+            quotients=passes.quotients,
             notes=(*one.notes, *notes, *([left_out(unknown)] if unknown else [])),
             look="" if one.look is None else one.look.as_text(),
             header=matte_attributes(decode_header(written)),

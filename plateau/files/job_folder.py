@@ -20,21 +20,12 @@ from typing import Final
 from plateau.errors import CommandFailed
 from plateau.files.held import held, refuse_held
 
-#: What an older service does not know.
-NOISE_MAP: Final = "noise.png"
-#: What only a job has that goes by ColorVideoVDP.
-QUALITY_MAP: Final = "quality.png"
-#: What only a job that is allocated by zones has.
-SPP_MAP: Final = "spp.png"
 IMAGES: Final = (
     *("image.exr", "image.png", "difference.png"),
-    *(NOISE_MAP, QUALITY_MAP, SPP_MAP, "non-finite.png"),
+    *("noise.png", "quality.png", "spp.png", "non-finite.png"),
 )
 #: The files of a job, beside the folder of its slices.
-RESULTS: Final = (
-    *IMAGES,
-    *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
-)
+RESULTS: Final = (*IMAGES, "curve.csv", "curve.svg", "summary.txt", "summary.json")
 SLICES: Final = "slices"
 
 #: The file with the id of the folder's job.

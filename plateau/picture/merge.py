@@ -131,7 +131,9 @@ class Merge:
 
     def _lacks_guides_alone(self, channels: Channels) -> bool:
         needed = set(self.channels.names) - _GUIDE_CHANNELS
-        alike = (channels.judged, channels.ids) == (self.channels.judged, self.channels.ids)
+        ours = self.channels
+        alike = channels.judged == ours.judged and channels.ids == ours.ids
+        alike = alike and channels.quotients == ours.quotients
         return alike and needed <= set(channels.names) <= set(self.channels.names)
 
     @property
@@ -285,6 +287,7 @@ class Merge:
         return {
             "channels": self.channels.names,
             "ids": self.channels.ids,
+            "quotients": self.channels.quotients,
             "origin": self.origin,
             "header": self.header,
             **({} if self.transform is None else {"look_gain": self.transform.gain}),
@@ -295,7 +298,7 @@ class Merge:
         self, slices: int, arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]
     ) -> None:
         """Take over the sums of a checkpoint."""
-        self.channels = Channels(about["channels"], about["ids"])
+        self.channels = Channels(about["channels"], about["ids"], about["quotients"])
         self.origin, self.header = about["origin"], about["header"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]

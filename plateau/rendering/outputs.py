@@ -11,18 +11,11 @@ from typing import Any, Final, Protocol, TypeVar
 
 from plateau.client import ApiError
 from plateau.errors import CommandFailed
-from plateau.farm.model.job import CurvePoint, Event, utc_now
+from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire import job_text
-from plateau.farm.wire.report import CAPTIONS, curve_file, report_html
+from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import JobView, SliceView
-from plateau.files.job_folder import (
-    IMAGES,
-    NOISE_MAP,
-    QUALITY_MAP,
-    SLICES,
-    SPP_MAP,
-    NewSet,
-)
+from plateau.files.job_folder import IMAGES, SLICES, NewSet
 
 _KEPT: Final = "plateau-kept-"
 
@@ -38,9 +31,6 @@ class Source(Protocol):
     def curve_csv(self, job_id: str, /) -> str:
         """The same as CSV."""
 
-    def happened(self, job_id: str, /) -> list[Event]:
-        """Its events."""
-
     def slices(self, job_id: str, /) -> list[SliceView]:
         """Its ledger."""
 
@@ -52,12 +42,12 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
     These are ``image.exr``, ``image.png``, ``difference.png`` and ``noise.png``, where the job has
-    an image and its maps;
-    ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
-    infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has points; ``slices``,
-    where it kept them, for `plateau judge`; ``report.html``, ``summary.txt`` and ``summary.json``.
-    Slices that are there already are not fetched again. What another job has left there is replaced
-    when all is there; after an error it is as it was. The caller holds the folder (`out_folder`).
+    an image and its maps; ``spp.png``, where it is allocated by zones; ``non-finite.png``, where
+    the image is NaN or infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has
+    points; ``slices``, where it kept them, for `plateau judge`; ``summary.txt`` and
+    ``summary.json``. Slices that are there already are not fetched again. What another job has left
+    there is replaced when all is there; after an error it is as it was. The caller holds the folder
+    (`out_folder`).
 
     Raises
     ------
@@ -145,7 +135,6 @@ def _write(
 @dataclass(frozen=True)
 class _Fetched:
     points: list[CurvePoint]
-    events: list[Event]
     files: list[str]
     damaged: dict[str, str]  #: what the service says of each file that it does not have whole
 
@@ -153,14 +142,8 @@ class _Fetched:
 def _fetch(
     client: Source, job: JobView, folder: Path, slices: dict[str, SliceView], kept: set[str]
 ) -> _Fetched:
-    fetched = _Fetched(client.curve(job.id), client.happened(job.id), [], {})
+    fetched = _Fetched(client.curve(job.id), [], {})
     for name in IMAGES:
-        if name == SPP_MAP and not job.spec.by_zones:
-            continue
-        if name == QUALITY_MAP and not (job.spec.by_quality and "quality_png" in job.links):
-            continue
-        if name == NOISE_MAP and "noise_png" not in job.links:
-            continue
         if _download(client, job.id, name, folder / name, fetched.damaged):
             fetched.files.append(name)
     for path in (folder / SLICES).glob("*"):  # of another job, which was broken off
@@ -182,12 +165,7 @@ def _fetch(
 def _summarise(job: JobView, fetched: _Fetched, folder: Path, shown: Path) -> dict[str, Any]:
     texts: dict[str, str] = {}
     if fetched.points:
-        texts["curve.svg"] = curve_file(job, fetched.points)
-    pictures: dict[str, bytes | None] = {
-        name: (folder / name).read_bytes() for name in fetched.files if name in CAPTIONS
-    }
-    pictures.update((name, None) for name in fetched.damaged if name in CAPTIONS)
-    texts["report.html"] = report_html(job, fetched.points, fetched.events, pictures)
+        texts["curve.svg"] = job_svg(job, fetched.points, style=STYLE)
     texts["summary.txt"] = job_text.summary(job, utc_now()) + "\n"
     files = [str(shown / name) for name in (*fetched.files, *texts, "summary.json")]
     about = job_text.summary_json(job, fetched.points, files)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plateau.client import ApiError, Client
 from plateau.client.columns import columns
 from plateau.errors import CommandFailed, needs
-from plateau.farm.model.job import CurvePoint, Event
+from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.curve_csv import curve_csv
@@ -34,7 +34,6 @@ class Result:
     job: JobView  #: all that is known of the job
     points: list[CurvePoint]  #: the points of its curve, by rising spp
     files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
-    events: list[Event]  #: what happened to it, in order
 
     @classmethod
     def fetched(cls, client: Client, job: JobView) -> "Result":
@@ -46,7 +45,7 @@ class Result:
             except ApiError as error:
                 if error.slug != _NO_IMAGE:
                     raise
-        return cls(job, client.curve(job.id), files, client.happened(job.id))
+        return cls(job, client.curve(job.id), files)
 
     @property
     def state(self) -> JobState:
@@ -147,9 +146,6 @@ class _Kept:
 
     def curve_csv(self, _: str) -> str:
         return curve_csv(self._result.points)
-
-    def happened(self, _: str) -> list[Event]:
-        return self._result.events
 
     def slices(self, _: str) -> list[SliceView]:
         return []

@@ -182,7 +182,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     assert (about["state"], about["spp"]) == ("converged", 16)
     assert {Path(name).name for name in about["files"]} == {
         *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
+        *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
     }
     found = run(programs / "python", "-c", "import plateau.worker; print(plateau.worker.__file__)")
     assert found.stdout.startswith(str(programs.parent))
@@ -259,7 +259,7 @@ with Client(os.environ["PLATEAU_URL"]) as client:
     assert fetched.returncode == 0
     assert {Path(line).name for line in fetched.stdout.splitlines()} == {
         *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
+        *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
     }
     assert fetched.stderr == ""
 

@@ -143,7 +143,7 @@ def test_a_film_has_alpha_and_a_denoisers_guides(child, blend):
 
 def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
     scene = child.load(blend("passes"))
-    channels = Channels(scene.channels, scene.ids)
+    channels = Channels(scene.channels, scene.ids, scene.quotients)
     assert {name.rpartition(".")[0].removeprefix("K_che.") for name in channels.aovs} == {
         *("Depth", "Position", "Object Index", "Material Index", "Normal", "UV", "Mist", "Vector"),
         *(f"{of} Color" for of in ("Diffuse", "Glossy", "Transmission")),
@@ -190,7 +190,7 @@ def test_the_passes_of_the_view_layer_add_up_and_make_the_image(child, blend):
 
 def test_the_cryptomatte_of_slices_is_that_of_the_whole(child, blend):
     scene = child.load(blend("passes"))
-    channels = Channels(scene.channels, scene.ids)
+    channels = Channels(scene.channels, scene.ids, scene.quotients)
     whole, first, second = (child.film(one) for one in ((32, 0), (16, 0), (16, 16)))
     at_once, of_slices = (
         _shares(channels.normalised(total))

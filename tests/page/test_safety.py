@@ -39,11 +39,6 @@ def test_names_batches_and_reasons_are_text(visit: Visit, farm: NoiseFarm) -> No
     page = visitor.page
     page.goto("/submit")
     expect(page.get_by_label("A stored scene").locator("option").last).to_contain_text(MARKUP)
-    # And a report has text only
-    page.goto(f"/v1/jobs/{other.id}/report.html")
-    expect(page.locator("h1")).to_have_text(MARKUP)
-    expect(page.locator(".lead")).to_contain_text(MARKUP)
-    expect(page.locator("script, [onerror]")).to_have_count(0)
 
 
 def test_every_file_comes_with_its_policy_and_nothing_else_is_served(url: str) -> None:
@@ -122,7 +117,7 @@ def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
     elsewhere = f"""<!doctype html><title>elsewhere</title>
       <a id="ours" href="{url}/jobs/{job.id}">ours</a> <a id="link" href="{asked}/log">log</a>
       <form method="post" action="{asked}/cancel"></form>
-      <iframe src="{asked}/report.html"></iframe>"""
+      <iframe src="{asked}/slices"></iframe>"""
     with another_site(elsewhere) as site, browser.new_context() as context:
         page = context.new_page()
         statuses: dict[str, int] = {}
@@ -137,7 +132,7 @@ def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
         with page.expect_navigation(url=f"{asked}/cancel"):
             page.evaluate("() => document.forms[0].submit()")
         # Then the API refuses all of that
-        parts = ("report.html", "log", "cancel")
+        parts = ("slices", "log", "cancel")
         assert {part: statuses[f"/v1/jobs/{job.id}/{part}"] for part in parts} == dict.fromkeys(
             parts, 403
         )

@@ -49,12 +49,7 @@ class Blobs:
         folder = _folder(where)
         self._place: Bucket | Folder = Bucket(where) if folder is None else Folder(folder)
         self._calls: dict[int, float] = {}  # the threads that wait for the store, since when
-        self._marked = self.in_folder and self._place.has(MARK)
-
-    @property
-    def in_folder(self) -> bool:
-        """Whether the blobs are files."""
-        return isinstance(self._place, Folder)
+        self._marked = isinstance(self._place, Folder) and self._place.has(MARK)
 
     @property
     def scratch(self) -> Path | None:

@@ -81,7 +81,7 @@ def inspect_bundle(
     Raises
     ------
     BundleError
-        The upload is refused; the code is one of `CODES`.
+        The upload is refused; `CODES` has the codes.
 
     Notes
     -----
@@ -133,7 +133,7 @@ def unpack_bundle(
     Raises
     ------
     BundleError
-        The upload is refused; the code is one of `CODES`.
+        The upload is refused; `CODES` has the codes.
     FileExistsError
         The folder is not empty.
     """

@@ -8,9 +8,9 @@ MIB = 2**20
 GIB = 2**30
 _MAX_SHOWN = 100
 
-#: Every code that a `BundleError` may carry, and what it stands for. Clients switch on these.
+#: The codes of a `BundleError`, and what they stand for. Clients switch on these. The format of a
+#: renderer's scenes may have codes of its own besides.
 CODES = {
-    "analytic-field": "an analytic scene has an unknown field, or a value that it cannot have",
     "ambiguous-scene": "several files of the bundle could be the scene",
     "bad-parameter": "a job parameter's name or value is malformed",
     "duplicate-entry": "two entries have one name, or names that differ in case alone",
@@ -117,7 +117,7 @@ class BundleError(FarmError, ValueError):
     Parameters
     ----------
     code : str
-        One of `CODES`: stable, for programs.
+        One of `CODES`, or a format's own: stable, for programs.
     message : str
         What is wrong and what to do, for people.
     file, line : optional

@@ -133,7 +133,7 @@ def find_placed(
     Raises
     ------
     BundleError
-        The scene is refused; the code is one of `CODES`.
+        The scene is refused; `CODES` has the codes.
     """
     tree = RootsTree(roots)
     entry = _entry(tree, name)

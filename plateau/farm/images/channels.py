@@ -12,7 +12,6 @@ not the quotient of the means, so a film has the light and the colour, and an im
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -39,11 +38,6 @@ _LONGEST_NAME: Final = 160  # a layer and a pass may have 63 each
 #: The most values of a film, in all pixels and channels together: 1 GiB in float32.
 MOST_VALUES: Final = 2**28
 
-#: Light that is divided by a colour.
-_DIVIDED_LIGHT: Final = re.compile(
-    r"(.*\.(?:Diffuse|Glossy|Transmission)) (?:Direct|Indirect)(\.[RGB])"
-)
-
 
 @dataclass(frozen=True)
 class Channels:
@@ -55,6 +49,8 @@ class Channels:
         R, G, B, W; then A, if the film has alpha; then AOVs.
     ids : sequence of str
         The AOVs that must not be averaged.
+    quotients : sequence of pairs of str
+        AOVs of light, each with that of the colour by which an image divides it.
 
     Raises
     ------
@@ -64,6 +60,7 @@ class Channels:
 
     names: Sequence[str] = (*_COLOUR, "W")
     ids: Sequence[str] = ()
+    quotients: Sequence[tuple[str, str]] = ()
 
     def __post_init__(self) -> None:
         for field in ("names", "ids"):
@@ -89,6 +86,14 @@ class Channels:
             raise ValueError("the channel A follows W")
         if not set(self.ids) <= set(self.aovs):
             raise ValueError("ids are AOVs, and one of these is no channel of the film")
+        try:
+            pairs = tuple((light, colour) for light, colour in self.quotients)
+            known = all(set(pair) <= set(self.aovs) for pair in pairs)
+        except (TypeError, ValueError):
+            known = False
+        if not known:
+            raise ValueError("quotients are pairs of AOVs, and one of these is none")
+        object.__setattr__(self, "quotients", pairs)
 
     def check_size(self, width: int, height: int) -> None:
         """Raise ValueError for a size in pixels that a film with these channels cannot have."""
@@ -203,15 +208,15 @@ class Channels:
         """
         total, ids = self._ranked(total)
         reached = _reached(total)
+        colours = dict(self.quotients)
         image = {}
         for plane, name in enumerate(self.names):
             if plane in ids:
                 image[name] = total[..., plane].astype(np.float32)
             elif plane != _WEIGHT:
                 image[name] = np.zeros(total.shape[:2], np.float32)
-                colour = surface_colour(name)
-                if colour in self.names:
-                    by = self.names.index(colour)
+                if name in colours:
+                    by = self.names.index(colours[name])
                     _divide(total, plane, total[..., by] != 0, image[name], by)
                 else:
                     _divide(total, plane, reached, image[name])
@@ -252,18 +257,6 @@ class Channels:
                 uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
                 image += uncovered[..., None] * np.array(background, np.float32)
         return image
-
-
-def surface_colour(name: str) -> str | None:
-    """Return the channel of the colour by which light is divided, or None for another channel.
-
-    Examples
-    --------
-    >>> surface_colour("ViewLayer.Diffuse Indirect.R")
-    'ViewLayer.Diffuse Color.R'
-    """
-    found = _DIVIDED_LIGHT.fullmatch(name)
-    return f"{found[1]} Color{found[2]}" if found else None
 
 
 def _runs(names: Sequence[str], part: Sequence[str]) -> list[tuple[slice, slice | None]]:

@@ -49,9 +49,9 @@ _ATTRIBUTES: Final[dict[str, type]] = {
     "variant": str,
     "scene_sha256": str,
 }
-# Older partials, of R, G, B and W, lack these.
 _CHANNELS: Final = "plateau:channels"
 _IDS: Final = "plateau:ids"
+_QUOTIENTS: Final = "plateau:quotients"
 _ZONES: Final = "plateau:zones"
 _BORDER: Final = "plateau:border"
 _RENDERER: Final = "plateau:renderer"
@@ -64,9 +64,9 @@ class Partial:
 
     `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
-    `renderer` is the renderer's name and version; older partials have "" there. The first slice of
-    a job has the scene's view transform as `transform`, and what an image's header is to say of its
-    Cryptomattes and of its place in a film as `header`.
+    `renderer` is the renderer's name and version. The first slice of a job has the scene's view
+    transform as `transform`, and what an image's header is to say of its Cryptomattes and of its
+    place in a film as `header`.
     """
 
     job_id: str
@@ -100,6 +100,7 @@ def encode_partial(partial: Partial) -> bytes:
     names = partial.channels.names
     # An EXR file sorts its channels by name, so their order is an attribute.
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
+    attributes[_QUOTIENTS] = json.dumps(partial.channels.quotients)
     if partial.renderer:
         attributes[_RENDERER] = partial.renderer
     if partial.transform is not None:
@@ -125,7 +126,8 @@ def decode_partial(content: bytes) -> Partial:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
             planes = file.channels()
             header = dict(file.header())
-            channels = Channels(json.loads(header[_CHANNELS]), json.loads(header[_IDS]))
+            named = (json.loads(header[name]) for name in (_CHANNELS, _IDS, _QUOTIENTS))
+            channels = Channels(*named)
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))

@@ -7,7 +7,6 @@ blob. For a Redis that lost its data, all results would belong to no job.
 import secrets
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore
 from plateau.farm.redis import keys
@@ -25,7 +24,7 @@ def check_pair(client: RedisClient, store: Blobs) -> None:
     Raises
     ------
     WrongStore
-        They do not belong together, or the store cannot be one; nothing was changed.
+        They do not belong together; nothing was changed.
     StoreUnavailable
         One of the two is away.
     """
@@ -48,8 +47,6 @@ def _check_pair(client: RedisClient, store: Blobs) -> None:
     if theirs is None and paired is None:
         if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
             raise WrongStore(_refusal(store, None, None))
-        if not store.in_folder:
-            check_create_once(store)
         made = Scripts(client).run(Pair(id=secrets.token_hex(8), is_marked=False))
         ours, theirs = made, store.make_mark(made)
     if theirs is None or theirs != ours:

@@ -5,22 +5,18 @@ Modules use `logging` as usual. Each record, a library's too, gets the fields of
 written as a line for people or for programs.
 """
 
-import copy
 import json
 import logging
-import math
 import os
 import re
 import shutil
 import sys
-from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TextIO
+from typing import Final
 
 from plateau.farm.process.settings import LogFormat
 
@@ -28,12 +24,6 @@ from plateau.farm.process.settings import LogFormat
 _PROCESS: Final[dict[str, str]] = {}
 #: The fields of this thread's or task's subject: ``job`` and, if any, ``slice``.
 _CONCERN: Final[ContextVar[dict[str, str | int]]] = ContextVar("concern")
-
-#: A line is written this many times in this many seconds; further ones are counted.
-_TOLD_TIMES: Final = 5
-_RUN_S: Final = 60.0
-#: Most different lines that are remembered.
-_MOST_RUNS: Final = 1000
 
 #: A value that a line of text shows as it is; others are quoted.
 _WORD: Final = re.compile(r"[^\s='\"]+")
@@ -52,15 +42,10 @@ def set_up(role: str, log_format: LogFormat) -> None:
         ``text``: time, level and message, then the fields, then an exception's lines. ``json``: an
         object with ``time`` (ISO 8601, UTC), ``level``, ``message``, ``role``, where they apply
         ``worker``, ``monitor``, ``job`` and ``slice``, and ``exception`` as text.
-
-    Notes
-    -----
-    A line that comes more than five times within a minute is counted from then on. The count is
-    written ahead of the next line after that minute, or at the end.
     """
     _PROCESS.clear()
     identify(role=role)
-    handler = _Counting(sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Json() if log_format == "json" else _Text())
     logging.basicConfig(handlers=[handler], level=logging.INFO, force=True)
     logging.captureWarnings(True)
@@ -104,66 +89,8 @@ def printable(text: str) -> str:
     )
 
 
-if TYPE_CHECKING:
-    _StreamHandler = logging.StreamHandler[TextIO]
-else:  # not generic before Python 3.11
-    _StreamHandler = logging.StreamHandler
-
-
-@dataclass
-class _Run:
-    """A repeated line."""
-
-    first: logging.LogRecord
-    times: int = 1
-
-    def summary(self) -> logging.LogRecord:
-        """A line with the number of repetitions that were not written."""
-        said = copy.copy(self.first)
-        more = self.times - _TOLD_TIMES
-        said.msg = f"{self.first.getMessage()} [{more:,} times more within {_RUN_S:g} s]"
-        said.args = said.exc_info = said.exc_text = None
-        return said
-
-
-class _Counting(_StreamHandler):
-    """Writes a line a few times, then counts it: nobody can fill the disk by causing one."""
-
-    def __init__(self, stream: TextIO) -> None:
-        super().__init__(stream)
-        self._runs: OrderedDict[tuple[object, ...], _Run] = OrderedDict()  # by age
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write the record with its thread's fields, or count it."""
-        fields = record.__dict__["plateau_fields"] = _fields()
-        self._end_runs(before=record.created - _RUN_S)
-        error = record.exc_info[1] if record.exc_info else None
-        about = tuple(fields.items())
-        key = (record.name, record.levelno, record.getMessage(), repr(error), about)
-        run = self._runs.get(key)
-        if run is None:
-            if len(self._runs) >= _MOST_RUNS:
-                self._end_oldest()
-            self._runs[key] = _Run(record)
-        else:
-            run.times += 1
-        if run is None or run.times <= _TOLD_TIMES:
-            super().emit(record)
-
-    def close(self) -> None:
-        """Write the counts."""
-        with self.lock or nullcontext():
-            self._end_runs(before=math.inf)
-        super().close()
-
-    def _end_runs(self, before: float) -> None:
-        while self._runs and next(iter(self._runs.values())).first.created < before:
-            self._end_oldest()
-
-    def _end_oldest(self) -> None:
-        _, run = self._runs.popitem(last=False)
-        if run.times > _TOLD_TIMES:
-            super().emit(run.summary())
+def _fields() -> dict[str, str | int]:
+    return {**_PROCESS, **concerns()}
 
 
 class _Json(logging.Formatter):
@@ -174,7 +101,7 @@ class _Json(logging.Formatter):
             "time": _time(record),
             "level": record.levelname.lower(),
             "message": record.getMessage(),
-            **record.__dict__["plateau_fields"],
+            **_fields(),
         }
         if record.exc_info:
             fields["exception"] = self.formatException(record.exc_info)
@@ -186,10 +113,7 @@ class _Text(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         message = printable(" | ".join(record.getMessage().splitlines()))
-        fields = (
-            f"{name}={_quoted(str(value))}"
-            for name, value in record.__dict__["plateau_fields"].items()
-        )
+        fields = (f"{name}={_quoted(str(value))}" for name, value in _fields().items())
         line = " ".join((_time(record), f"[{record.levelname.lower()}]", message, *fields))
         if not record.exc_info:
             return line
@@ -200,10 +124,6 @@ def _time(record: logging.LogRecord) -> str:
     """The record's time as ISO 8601 in UTC, to the microsecond."""
     made = datetime.fromtimestamp(record.created, timezone.utc)
     return made.isoformat(timespec="microseconds").replace("+00:00", "Z")
-
-
-def _fields() -> dict[str, str | int]:
-    return {**_PROCESS, **concerns()}
 
 
 def _quoted(value: str) -> str:

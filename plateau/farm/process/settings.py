@@ -71,7 +71,7 @@ class Settings(BaseSettings):
     leave_after_s: float | None = Field(None, gt=0, le=366 * _DAY_S)
     log_format: LogFormat = "text"
 
-    @field_validator("tags", "plugins", "notify", "notify_troubles", mode="before")
+    @field_validator("tags", "plugins", "notify", "notify_troubles", "webhook_allow", mode="before")
     @classmethod
     def _separate_words(cls, given: object) -> object:
         return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
@@ -105,18 +105,15 @@ class Settings(BaseSettings):
         """The table of the hashes of files in scene roots."""
         return self.cache / "hashes.sqlite"
 
-    @field_validator("webhook_allow", mode="before")
+    @field_validator("webhook_allow")
     @classmethod
-    def _separate(cls, given: object) -> object:
-        if not isinstance(given, str):
-            return given
-        entries = given.replace(",", " ").split()
+    def _check_hosts(cls, entries: tuple[str, ...]) -> tuple[str, ...]:
         for entry in entries:
             if not _is_network(entry) and not _HOST_NAME.fullmatch(entry):
                 raise ValueError(
                     f"{entry!r} is neither a network, as 10.0.0.0/8, nor the name of a host"
                 )
-        return tuple(entries)
+        return entries
 
 
 def _is_network(text: str) -> bool:

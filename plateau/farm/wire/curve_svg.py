@@ -1,15 +1,19 @@
-"""A curve as an SVG drawing, for a self-contained page or a file."""
+"""A curve as an SVG drawing, for a notebook or a file."""
 
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire import job_text
 from plateau.farm.wire.figures import significant
+
+#: The style that a file carries.
+STYLE: Final = Path(__file__).with_name("curve.css").read_text("utf-8")
 
 _WIDTH: Final = 760
 _LEFT: Final = 70

@@ -273,7 +273,6 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         "non_finite_png": f"{root}/non-finite.png",
         "thumbnail_png": f"{root}/thumbnail.png",
         "previews": f"{root}/previews",
-        "report": f"{root}/report.html",
         "results": f"{root}/results.zip",
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",

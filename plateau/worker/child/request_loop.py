@@ -123,7 +123,7 @@ def serve(
 
 def _channels(scene: Loaded) -> Channels:
     try:
-        channels = Channels(scene.channels, scene.ids)
+        channels = Channels(scene.channels, scene.ids, scene.quotients)
         channels.check_size(scene.width, scene.height)
     except ValueError as error:  # a scene may name its own AOVs
         raise SceneError(f"the film cannot be stored: {error}") from error

@@ -144,6 +144,8 @@ class Loaded:
     ids : tuple of str
         The channels that must not be averaged, such as the numbers of things. There, a film has the
         value of the pixel's first sample, and not a sum. Cryptomattes are known by their names.
+    quotients : tuple of pairs of str
+        Channels of light, each with that of the colour by which an image divides it.
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
     look : str
@@ -160,6 +162,7 @@ class Loaded:
     notes: tuple[str, ...] = ()
     channels: tuple[str, ...] = CHANNELS
     ids: tuple[str, ...] = ()
+    quotients: Sequence[tuple[str, str]] = ()
     border: int = 0
     look: str = ""
     header: Mapping[str, str] = field(default_factory=dict)

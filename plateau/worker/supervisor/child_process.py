@@ -136,7 +136,7 @@ class RenderChild:
         self.await_ready()
         scene = self._expect(self._limits.timeout_s, "loading the scene", Loaded)
         try:
-            channels = Channels(scene.channels, scene.ids)
+            channels = Channels(scene.channels, scene.ids, scene.quotients)
             channels.check_size(scene.width, scene.height)
             if scene.look:
                 ViewTransform.from_text(scene.look)

@@ -212,7 +212,7 @@ class Uploader:
 
 def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
     """A partial as an EXR file: that of a slice, or of its first pass."""
-    lease = rendered.lease
+    lease, scene = rendered.lease, rendered.scene
     return encode_partial(
         Partial(
             job_id=lease.job_id,
@@ -223,13 +223,13 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             variant=lease.variant,
             scene_sha256=lease.scene_sha256,
             pixels=rendered.film,
-            channels=Channels(rendered.scene.channels, rendered.scene.ids),
+            channels=Channels(scene.channels, scene.ids, scene.quotients),
             zones=rendered.zones,
-            border=rendered.scene.border if rendered.zones else 0,
+            border=scene.border if rendered.zones else 0,
             renderer=rendered.kind,
-            transform=ViewTransform.from_text(rendered.scene.look)
-            if rendered.scene.look and lease.index == 0
+            transform=ViewTransform.from_text(scene.look)
+            if scene.look and lease.index == 0
             else None,
-            header=rendered.scene.header if lease.index == 0 else {},
+            header=scene.header if lease.index == 0 else {},
         )
     )

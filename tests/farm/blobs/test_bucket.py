@@ -9,14 +9,10 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-import redis
 
 from plateau.farm.blobs.names import MARK
-from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.model.errors import BlobsUnavailable, WrongStore
-from plateau.farm.redis import keys
+from plateau.farm.model.errors import BlobsUnavailable
 from tests.support.faults.odd_s3 import OddS3, error
 
 SECRET = "the-secret-of-this-test"
@@ -113,25 +109,6 @@ def test_a_gateway_that_knows_nothing_is_not_a_store_without_blobs(
                 one.exists("scenes/a")
     server.says = None
     assert bucket.get("scenes/a") == b"x"
-
-
-def test_a_store_that_cannot_create_once_is_refused_before_it_is_used(
-    server: OddS3, bucket: Blobs, client: redis.Redis
-) -> None:
-    server.careless = True
-    with pytest.raises(WrongStore, match="replaces what is there all the same") as refused:
-        check_pair(client, bucket)
-    assert "If-None-Match" in str(refused.value)
-    server.careless, server.refuses_conditions = False, True
-    with pytest.raises(WrongStore, match="does not know If-None-Match"):
-        check_create_once(bucket)
-    # Nothing was left there, nor noted here
-    assert server.objects == {}
-    assert not client.exists(keys.STORE)
-    # And one that is away is not refused
-    server.says = error(503, "SlowDown")
-    with pytest.raises(BlobsUnavailable):
-        check_create_once(bucket)
 
 
 class TestAnAnswerThatDoesNotSay:

@@ -10,7 +10,6 @@ import pytest
 from plateau.farm.blobs import read_ahead
 from plateau.farm.blobs.read_ahead import THREADS, ReadAhead
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.model.errors import BlobsUnavailable
 from tests.support.until import until
 
 NAMES = [f"jobs/0123456789ab/partials/{index:06d}-a.exr" for index in range(40)]
@@ -130,27 +129,3 @@ def test_whoever_waits_for_a_thread_is_seen_to_wait_for_the_store(
     far.may_answer.set()
     waiting.join()
     assert far.called_since(waiting.ident or 0) is None
-
-
-def test_a_store_that_is_away_is_said_to_be(far: FarStore, ahead: ReadAhead) -> None:
-    far.make_mark("this one")
-    slow(ahead, far)
-    series = ahead.series()
-    series.expect(NAMES)
-    series.get(NAMES[0])
-    far.may_answer.clear()
-    here = Path(far.where)
-    asking: list[BaseException] = []
-
-    def ask() -> None:
-        with pytest.raises(BlobsUnavailable) as raised:
-            [series.get(name) for name in NAMES[1:]]
-        asking.append(raised.value)
-
-    thread = threading.Thread(target=ask)
-    thread.start()
-    until(lambda: len(far.asked) == 2 + THREADS)
-    here.rename(here.with_name("away"))
-    far.may_answer.set()
-    thread.join()
-    assert len(asking) == 1

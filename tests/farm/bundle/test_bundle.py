@@ -58,14 +58,6 @@ def test_a_single_xml_is_a_scene(tmp_path: Path):
     )
 
 
-def test_a_zip_holds_a_scene_and_its_files():
-    files = {"scene.xml": scene(mesh("meshes/a.ply")), "meshes/a.ply": PLY}
-    summary = inspect_bundle(zipped(files))
-    assert (summary.kind, summary.entry, summary.files) == ("zip", "scene.xml", 2)
-    assert summary.bytes_unpacked == sum(map(len, files.values()))
-    assert (summary.width, summary.height) == (768, 576)  # Mitsuba's default film
-
-
 def test_a_stream_is_read_from_its_start_and_left_open():
     stream = zipped({"scene.xml": scene()})
     stream.read()
@@ -106,16 +98,6 @@ def test_a_broken_xml_beside_the_scene_does_no_harm():
     assert inspect_bundle(zipped(files)).entry == "scene.xml"
 
 
-def test_a_reference_may_go_up_as_long_as_it_stays_inside():
-    files = {"scenes/scene.xml": scene(mesh("../meshes/./a.ply")), "meshes/a.ply": PLY}
-    assert inspect_bundle(zipped(files)).entry == "scenes/scene.xml"
-
-
-def test_folders_may_have_entries_of_their_own():
-    files = {"a/": b"", "a/b/": b"", "a/scene.xml": scene('<path value="b"/>')}
-    assert inspect_bundle(zipped(files)).files == 1
-
-
 def test_a_name_in_utf8_that_does_not_say_so_is_read_as_utf8():
     """macOS and others write these; the archive's flag is not set."""
     content = zipped({"scene.xml": scene(mesh("né.ply")), "nXX.ply": PLY}).getvalue()
@@ -136,13 +118,6 @@ def test_parameters_choose_files_and_the_film():
     summary = inspect_bundle(zipped(files), parameters={"mesh": "b", "w": "7"})
     assert (summary.width, summary.height) == (20, 7)
     assert summary.parameters == {"mesh": "a", "w": "10", "width": "20"}
-
-
-def test_a_crop_window_is_the_image():
-    crop = [("crop_width", 30), ("crop_height", 20), ("crop_offset_x", 70), ("crop_offset_y", 1)]
-    properties = [integer(*each) for each in [("width", 100), ("height", 50), *crop]]
-    summary = inspect_bundle(io.BytesIO(film(*properties)))
-    assert (summary.width, summary.height) == (30, 20)
 
 
 def test_the_film_is_that_of_the_sensor_asked_for():
@@ -277,15 +252,6 @@ def renamed(name: bytes, before: bytes = b"NAME") -> io.BytesIO:
     return io.BytesIO(content.replace(before, name))
 
 
-def doubling(depth: int) -> io.BytesIO:
-    """Includes inside includes: small, and read 2^depth times."""
-    files = {"scene.xml": scene(include("0.xml"))}
-    for level in range(depth):
-        files[f"{level}.xml"] = scene(*[include(f"{level + 1}.xml")] * 2, sensor="")
-    files[f"{depth}.xml"] = scene(sensor="")
-    return zipped(files)
-
-
 def wide(depth: int, width: int) -> io.BytesIO:
     """Includes inside includes: small, and read width^depth times."""
     files = {"scene.xml": scene(*[include("1.xml")] * width)}
@@ -345,7 +311,6 @@ def given(**parameters: str) -> dict[str, Any]:
     return {"parameters": parameters}
 
 
-WIDTH = '<default name="w" value="9"/>'
 TEXTURE = '<default name="texture" value="a.ply"/>'
 ENTITY = b'<!DOCTYPE scene [<!ENTITY x "y">]>'
 MESH = {"a.ply": PLY}
@@ -387,7 +352,6 @@ BAD = [
     Bad("too-many-entries", commented(), "directory takes", kwargs=limits(max_entries=100)),
     Bad("zip-encrypted", forged(flag_bits=0x1), "without a password", "a.ply"),
     Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_BZIP2), "deflated", "scene.xml"),
-    Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_LZMA), "deflated", "scene.xml"),
     Bad("zip-bomb", entry("a.ply", bytes(2**21)), "ratio of 200", "a.ply"),
     Bad("zip-bomb", entry("a"), "to 60 bytes; 20 are", kwargs=limits(max_unpacked_bytes=20)),
     Bad("zip-bomb", zipped({f"{n}.bin": bytes(2**20) for n in range(65)}), "67108864 are"),
@@ -396,13 +360,9 @@ BAD = [
     Bad("zip-bomb", overlapping(), "overlap"),
     # Names
     Bad("path-escape", entry("/etc/passwd"), "leaves the bundle"),
-    Bad("path-escape", entry("../a.ply"), "leaves the bundle"),
     Bad("path-escape", entry("a/../../b.ply"), "leaves the bundle"),
-    Bad("path-escape", entry("a/.."), "leaves the bundle"),
-    Bad("path-escape", entry("..\\a.ply"), "leaves the bundle"),
     Bad("path-escape", entry("a\\..\\..\\b.ply"), "leaves the bundle"),
     Bad("path-escape", entry("C:/a.ply"), "leaves the bundle"),
-    Bad("path-escape", entry("\\\\host\\share\\a.ply"), "leaves the bundle"),
     Bad("entry-name", entry("a\\b.ply"), "backslash"),
     Bad("entry-name", entry("a.ply:stream"), "colon"),
     Bad("entry-name", entry("a\nb.ply"), "control character"),
@@ -429,9 +389,6 @@ BAD = [
     Bad("entry-type", zipped({"scene.xml": scene(), link(" "): b""}), "' ': it is a link", " "),
     Bad("entry-type", zipped({"scene.xml": scene(), link("a/"): b"/etc"}), "a link", "a/"),
     Bad("entry-type", entry(link("a", stat.S_IFCHR)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFBLK)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFIFO)), "neither a plain file", "a"),
-    Bad("entry-type", entry(link("a", stat.S_IFSOCK)), "neither a plain file", "a"),
     Bad("entry-type", entry(link("a", stat.S_IFDIR)), "neither a plain file", "a"),
     Bad("entry-type", entry("a/", b"content"), "with contents", "a/"),
     Bad("native-code", entry("plugins/sphere.so"), "shared library", "plugins/sphere.so"),
@@ -443,7 +400,6 @@ BAD = [
     Bad("xml-malformed", io.BytesIO(scene('<a b="1" b="2"/>')), "duplicate", "scene.xml", 2),
     Bad("xml-malformed", xml('<a b="&y;"/>'), "undefined entity", "scene.xml", 2),
     Bad("xml-encoding", io.BytesIO(b'<scene v="\xff"/>'), "0xff is no UTF-8", "scene.xml", 1),
-    Bad("xml-entity", io.BytesIO(b"<!DOCTYPE scene>" + scene()), "DOCTYPE", "scene.xml", 1),
     Bad("xml-entity", io.BytesIO(ENTITY + scene('<a b="&x;"/>')), "DOCTYPE", "scene.xml", 1),
     Bad(
         "xml-entity",
@@ -454,7 +410,6 @@ BAD = [
     ),
     Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16")), "UTF-8", "scene.xml"),
     Bad("xml-encoding", LATIN, "0xf6 .* in Latin-1 it is 'ö'", "scene.xml", 2),
-    Bad("xml-encoding", io.BytesIO(scene().decode().encode("utf-16-be")), "UTF-8", "scene.xml"),
     Bad(
         "xml-encoding",
         io.BytesIO(b'<?xml version="1.0" encoding="latin-1"?>' + scene()),
@@ -466,8 +421,8 @@ BAD = [
     Bad("xml-too-large", xml("<a/>" * 99), "99 elements", kwargs=limits(max_xml_elements=99)),
     Bad("xml-too-large", xml(f'<a b="{"x" * 2**20}"/>'), "a tag, or text, of", "scene.xml"),
     Bad("xml-too-large", xml(*many_attributes(2**17)), "a tag, or text, of", "scene.xml"),
-    Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_elements=999)),
-    Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_bytes=9999)),
+    Bad("xml-too-large", wide(12, 2), "counted every", kwargs=limits(max_xml_elements=999)),
+    Bad("xml-too-large", wide(12, 2), "counted every", kwargs=limits(max_xml_bytes=9999)),
     Bad("xml-too-large", wide(2, 40), "includes more than 1000 files", "scene.xml", 26),
     Bad("xml-too-large", sensors(20, 60), "1000 sensors and films", "sensors.xml"),
     Bad("xml-too-large", xml("<film/>" * 1001), "1000 sensors and films", "scene.xml", 2),
@@ -483,7 +438,6 @@ BAD = [
     ),
     Bad("xml-too-large", searching(60), "takes too long", kwargs=limits(max_lookups=1000)),
     Bad("plugin-name", xml('<shape type="../x"/>'), "not the name of a", "scene.xml", 2),
-    Bad("plugin-name", xml('<shape type="/tmp/x"/>'), "not the name of a", "scene.xml", 2),
     Bad(
         "plugin-name",
         xml('<default name="t" value="ply"/><shape type="$t"/>'),
@@ -507,7 +461,6 @@ BAD = [
     # References
     Bad("missing-file", xml(mesh("a.ply")), "single XML file; send a zip", "scene.xml", 2),
     Bad("missing-file", zipped({"scene.xml": scene("", mesh("a.ply"))}), "add it", "scene.xml", 3),
-    Bad("missing-file", zipped({"scene.xml": scene(include("a.xml"))}), "add it", "scene.xml", 2),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>')}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("A.ply")), **MESH}), r"'a.ply' \(case"),
     Bad(
@@ -569,23 +522,19 @@ BAD = [
     Bad(
         "unreadable-file", zipped({"scene.xml": scene(SERIALIZED), "a": serialized(9)}), "vertex 9"
     ),
-    Bad("missing-file", zipped({"scene.xml": scene(mesh("no/../a.ply")), **MESH}), "no/"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a.ply/../a.ply")), **MESH}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a")), "a/b": b""}), "not a file"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("./" * 3000 + "a.ply")), **MESH}), "…"),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>'), "a": b""}), "not a fold"),
     Bad("missing-file", xml('<spectrum name="x" filename="a.spd"/>'), "a.spd", "scene.xml", 2),
     Bad("old-scene", io.BytesIO(OLD), OLD_LISTED, "scene.xml", 2),
-    Bad("path-escape", xml(mesh("/etc/passwd")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("../a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("C:/a.ply")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(mesh("\\\\host\\a.ply")), "leads out of", "scene.xml", 2),
-    Bad("path-escape", xml('<path value="/"/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<path value=".."/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml(include("../a.xml")), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<spectrum name="x" filename="/a"/>'), "leads out of", "scene.xml", 2),
     Bad("path-escape", xml('<string name="cache" value="/tmp/x"/>'), "looks like", "scene.xml", 2),
-    Bad("path-escape", xml('<string name="cache" value="a/../.."/>'), "looks like"),
     Bad(  # up to the top and down again, by a name that the archive does not have
         "path-escape",
         zipped({"a/scene.xml": scene(mesh("../../a/a.ply")), "a/a.ply": PLY}),
@@ -722,8 +671,8 @@ def test_a_bad_upload_is_refused_with_its_reason(bad: Bad):
 
 
 def test_every_code_is_tested():
-    # In test_packing.py, test_analytic.py and test_scene_dict.py.
-    elsewhere = {"unpackable-path", "analytic-field", "unwritable-dict"}
+    # In test_packing.py and test_scene_dict.py.
+    elsewhere = {"unpackable-path", "unwritable-dict"}
     assert {bad.code for bad in BAD} | elsewhere == set(CODES)
 
 

@@ -23,20 +23,18 @@ def test_sums_are_added_and_ids_stay_those_of_the_first_film():
 
 
 def test_light_is_divided_by_the_colour_of_the_surface_in_an_image_alone():
-    names = ("R", "G", "B", "W", "layer.Diffuse Direct.R", "layer.Diffuse Color.R")
-    channels = Channels(names)
+    names = ("R", "G", "B", "W", "light.R", "colour.R")
+    channels = Channels(names, (), [["light.R", "colour.R"]])
     # Given a pixel that is half of a bright surface in light and half of a dark one in shadow
     total = channels.add(None, film(0, 0, 0, 2, 1.8, 1.8))
     total = channels.add(total, film(0, 0, 0, 2, 0, 0.2))
     image = channels.normalised(total)
     # Then what remains of the light, times the colour, is the light
-    assert image["layer.Diffuse Direct.R"].item() == pytest.approx(0.9)
-    assert image["layer.Diffuse Color.R"].item() == pytest.approx(0.5)
-    # And a black surface has none, and light without a colour beside it is a mean
+    assert image["light.R"].item() == pytest.approx(0.9)
+    assert image["colour.R"].item() == pytest.approx(0.5)
+    # And a black surface has none
     black = channels.normalised(channels.add(None, film(0, 0, 0, 2, 1.8, 0)))
-    assert black["layer.Diffuse Direct.R"].item() == 0
-    alone = Channels(names[:5])
-    assert alone.normalised(film(0, 0, 0, 2, 1.8))[names[4]].item() == pytest.approx(0.9)
+    assert black["light.R"].item() == 0
 
 
 @pytest.mark.parametrize(
@@ -106,3 +104,9 @@ def test_alpha_is_judged_and_aovs_are_not():
 def test_what_is_no_film_is_refused(names, ids, why):
     with pytest.raises(ValueError, match=why):
         Channels(names, ids)
+
+
+@pytest.mark.parametrize("quotients", [[["Z", "albedo.R"]], [["Z"]], ["Z"], [["R", "Z"]], 3])
+def test_what_is_no_pair_of_aovs_is_no_quotient(quotients):
+    with pytest.raises(ValueError, match="pairs of AOVs"):
+        Channels(("R", "G", "B", "W", "Z"), (), quotients)

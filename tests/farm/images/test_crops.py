@@ -8,12 +8,9 @@ import pytest
 
 from plateau.farm.images.crops import CROP, crop_header
 from plateau.farm.images.exr import (
-    Partial,
     decode_image,
     decode_layers,
-    decode_partial,
     encode_layers,
-    encode_partial,
 )
 from plateau.farm.images.mattes import check_attributes
 
@@ -41,15 +38,6 @@ def test_its_pixels_are_the_crop_for_us():
     content = encode_layers(PLANES, HEADER)
     assert decode_image(content).shape == (9, 12, 3)
     assert decode_layers(content)["A"].shape == (9, 12)
-
-
-def test_a_partial_brings_its_place():
-    film = np.ones((9, 12, 4), np.float32)
-    partial = Partial(
-        job_id="a", index=0, first_seed=0, last_seed=0, spp=1, variant="scalar_rgb",
-        scene_sha256="0" * 64, pixels=film, header=HEADER,
-    )  # fmt: skip
-    assert decode_partial(encode_partial(partial)).header == HEADER
 
 
 def test_what_is_no_place_is_refused():

@@ -1,9 +1,12 @@
 """Cryptomattes in films: pairs of an id and its samples, joined by ids and ranked in an image."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from plateau.farm.images.channels import Channels
+from plateau.farm.images.crops import crop_header
 from plateau.farm.images.exr import Partial, decode_header, decode_partial, encode_partial
 from plateau.farm.images.mattes import check_attributes, mattes
 from plateau.picture.merge import Merge
@@ -80,6 +83,7 @@ def test_an_image_says_what_its_ids_are():
     names = {
         "cryptomatte/542cafa/name": "layer.CryptoObject",
         "cryptomatte/542cafa/manifest": '{"Ball":"74d3ebe9","Würfel":"a8fce865"}',
+        **crop_header((5, 7), (32, 24)),
     }
     merge = Merge(slice_spp=4)
     for index, said in enumerate((names, {})):
@@ -92,7 +96,7 @@ def test_an_image_says_what_its_ids_are():
             variant="analytic:numpy",
             scene_sha256="0" * 64,
             pixels=film([(BALL, 4)]),
-            channels=CHANNELS,
+            channels=replace(CHANNELS, quotients=((LAYERS[0], LAYERS[1]),)),
             header=said,
         )
         content = encode_partial(partial)
@@ -102,6 +106,7 @@ def test_an_image_says_what_its_ids_are():
     other = Merge(slice_spp=4)
     other.restore(merge.slices, merge.arrays(), merge.about())
     assert merge.header == other.header == names
+    assert merge.channels == other.channels
 
 
 @pytest.mark.parametrize(

@@ -113,50 +113,6 @@ def test_a_terminal_is_shown_what_it_would_obey(text: str, shown: str) -> None:
     assert printable(text) == shown
 
 
-def test_a_line_that_comes_often_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    with _written("text", monkeypatch) as written:
-        log = logging.getLogger("any")
-
-        def say(text: str, at_s: float) -> None:
-            record = log.makeRecord("any", logging.WARNING, __file__, 1, text, (), None)
-            record.created = at_s
-            log.handle(record)
-
-        # Given a line that comes a thousand times within a minute, for one job of two
-        for number in range(1000):
-            with concerning("one"):
-                say("no more descriptors", number / 20)
-        with concerning("other"):
-            say("no more descriptors", 50.0)
-        lines = written.getvalue().splitlines()
-        # Then five of them are written, and what is about another job
-        assert [line.partition("Z ")[2] for line in lines] == [
-            *["[warning] no more descriptors role=worker worker='w 1' job=one"] * 5,
-            "[warning] no more descriptors role=worker worker='w 1' job=other",
-        ]
-        # And how many more there were, ahead of the next line after that minute
-        say("all is well", 61.0)
-        counted, last = written.getvalue().splitlines()[6:]
-        assert "no more descriptors [995 times more within 60 s] role=worker" in counted
-        assert "job=one" in counted
-        assert "all is well" in last
-        # And who says it from then on is heard again
-        with concerning("one"):
-            say("no more descriptors", 62.0)
-        assert written.getvalue().splitlines()[7:][-1].endswith("job=one")
-
-
-def test_what_was_counted_is_said_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    with _written("json", monkeypatch) as written:
-        for _ in range(8):
-            logging.getLogger("any").error("it failed", exc_info=ValueError("why"))
-        logging.getLogger().handlers[0].close()
-        *told, last = map(json.loads, written.getvalue().splitlines())
-        assert len(told) == 5
-        assert last["message"] == "it failed [3 times more within 60 s]"
-        assert "exception" not in last
-
-
 def test_a_log_is_begun_anew_while_it_is_written_to(tmp_path: Path) -> None:
     log = tmp_path / "some.log"
     with log.open("ab", buffering=0) as writer:

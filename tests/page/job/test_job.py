@@ -290,7 +290,6 @@ def test_its_records_are_there_and_its_files_can_be_saved(
         ("Difference", "difference.png", b"\x89PNG"),
         ("Noise", "noise.png", b"\x89PNG"),
         ("CSV", "curve.csv", b"spp,visible_pixels"),
-        ("Report", "report.html", b"<!doctype html>"),
         ("Zip", "results.zip", b"PK"),
     ):
         with shown.expect_download() as download:

@@ -132,12 +132,11 @@ class TestFetch:
             "curve.csv",
             "curve.svg",
             "summary.txt",
-            "report.html",
             "summary.json",
         }
         assert (out / "image.png").read_bytes() == b"a picture"
         about = json.loads(plateau("fetch", job.id, "-o", str(out), "--json")[1])
-        assert (about["state"], len(about["files"])) == ("rendering", 6)
+        assert (about["state"], len(about["files"])) == ("rendering", 5)
 
 
 class TestWatch:

@@ -76,7 +76,6 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
         "image.exr",
         "image.png",
         "noise.png",
-        "report.html",
         "summary.json",
         "summary.txt",
     }
@@ -138,7 +137,7 @@ def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_pat
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["state"], "faces" in summary["reason"]) == ("failed", True)
     # And no image of an earlier job is beside it
-    assert visible(tmp_path / "out") == {"report.html", "summary.txt", "summary.json"}
+    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
 
 
 class TestWhatItsOwnWorkersCannotDo:

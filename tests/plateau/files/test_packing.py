@@ -96,24 +96,6 @@ def test_a_zip_that_is_damaged_is_called_so(tmp_path: Path, damage: slice):
         inspect_bundle(packed.file)
 
 
-def test_a_zip_is_sent_as_it_is(tmp_path: Path):
-    path = tmp_path / "room.zip"
-    path.write_bytes(zipped({"scene.xml": scene()}).getvalue())
-    with pack(path) as packed:
-        assert (packed.name, packed.media_type) == ("room.zip", "application/zip")
-        assert packed.file.read() == path.read_bytes()
-
-
-def test_a_folder_stands_for_its_scene_xml(project: Path):
-    assert sha256(project / "shots" / "two") == sha256(project / "shots" / "two" / "scene.xml")
-
-
-def test_the_file_is_open_until_the_context_ends(project: Path):
-    with pack(project / "shots" / "one" / "shot.xml") as packed:
-        assert packed.file.tell() == 0
-    assert packed.file.closed
-
-
 def test_the_same_scene_has_the_same_bytes(project: Path, tmp_path: Path):
     path = project / "shots" / "one" / "shot.xml"
     before = sha256(path)

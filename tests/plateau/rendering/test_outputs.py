@@ -15,15 +15,9 @@ from plateau.client import Client
 from plateau.commands import app
 from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.continuation import Continuations
-from plateau.farm.model.job import Job
-from plateau.farm.model.spec import FixedSpec
 from plateau.farm.model.states import JobState
 from plateau.rendering.outputs import write_results
-from tests.support.farms.live_api import live_api
-from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
-from tests.support.until import until
 
 
 def finished(client: redis.Redis, store: Blobs, state: JobState = JobState.CONVERGED) -> StagedJob:
@@ -62,7 +56,6 @@ def test_all_that_a_converged_job_has(
         "difference.png",
         "curve.csv",
         "curve.svg",
-        "report.html",
         "summary.txt",
         "summary.json",
     }
@@ -71,7 +64,6 @@ def test_all_that_a_converged_job_has(
     rows = list(csv.DictReader((folder / "curve.csv").read_text().splitlines()))
     assert [row["spp"] for row in rows] == ["100", "200", "300", "400"]
     assert (folder / "curve.svg").read_text().startswith("<svg ")
-    assert (folder / "report.html").read_bytes() == plateau.image(job.id, "report.html")
     text = (folder / "summary.txt").read_text()
     assert "converged" in text
     assert re.search(r"^samples: +400 of at most 1,000 spp$", text, re.MULTILINE)
@@ -97,7 +89,7 @@ def test_a_file_that_is_damaged_costs_the_others_nothing(
         write_results(plateau, plateau.job(job.id), tmp_path / "out")
     written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
     assert written == {
-        *("image.png", "curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
+        *("image.png", "curve.csv", "curve.svg", "summary.txt", "summary.json"),
     }
 
 
@@ -115,7 +107,7 @@ def test_a_job_without_an_image_leaves_its_summary(
     plateau: Client, client: redis.Redis, tmp_path: Path
 ) -> None:
     write_results(plateau, plateau.job(failed(client).id), tmp_path / "out")
-    assert visible(tmp_path / "out") == {"report.html", "summary.txt", "summary.json"}
+    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
     assert "no plugin of that name" in (tmp_path / "out" / "summary.txt").read_text()
 
 
@@ -134,7 +126,7 @@ class TestAFolderThatAnotherJobHadBefore:
         write_results(plateau, plateau.job(failed(client).id), tmp_path)
         # Then nothing of the first is left, and all else is
         files = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-        assert files == {"report.html", "summary.txt", "summary.json", ".plateau-job"} | others
+        assert files == {"summary.txt", "summary.json", ".plateau-job"} | others
         assert all((tmp_path / name).read_text() == "mine" for name in others)
 
     def test_has_the_files_of_one_job_whenever_its_writer_is_killed(
@@ -192,45 +184,6 @@ class TestAFolderThatAnotherJobHadBefore:
         assert done.exit_code == 1
         assert f"{tmp_path / 'image.png'} is there, and Plateau did not write it" in done.stderr
         assert [path.name for path in tmp_path.iterdir()] == ["image.png"]
-
-    def test_keeps_the_slices_that_are_the_new_job_s_too(
-        self, client: redis.Redis, redis_url: str, tmp_path: Path
-    ) -> None:
-        # Given a job that goes on with another, whose slices it has, and a third that has others
-        farm = NoiseFarm(client, redis_url, tmp_path)
-        first = kept(farm, 2)
-        spec = first.spec.model_copy(update={"max_spp": 40, "rule": FixedSpec(spp=40)})
-        continuations = Continuations(client)
-        longer = continuations.start(first, continuations.remains(first), spec).job
-        with farm.monitor():
-            farm.render(2)
-            until(lambda: farm.is_finished(longer))
-        out = tmp_path / "out"
-        with live_api(redis_url, farm.store) as url, Client(url) as plateau:
-            write_results(plateau, plateau.job(first.id), out)
-            before = stamps(out / "slices")
-            write_results(plateau, plateau.job(longer.id), out)
-            both = stamps(out / "slices")
-            write_results(plateau, plateau.job(first.id), out)
-        # Then none is fetched twice, and none too many is left
-        assert (len(before), len(both)) == (2, 4)
-        assert before.items() <= both.items()
-        assert stamps(out / "slices") == before
-
-
-def kept(farm: NoiseFarm, slices: int) -> Job:
-    spp = 10 * slices
-    rule = {"name": "fixed", "spp": spp}
-    job = farm.submit(keep_slices=True, step=10, slice_spp=10, max_spp=spp, rule=rule)
-    with farm.monitor():
-        farm.render(slices)
-        until(lambda: farm.is_finished(job))
-    return farm.jobs.get(job.id)
-
-
-def stamps(folder: Path) -> dict[str, tuple[int, int]]:
-    """What no other file has."""
-    return {path.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in folder.iterdir()}
 
 
 def content(folder: Path) -> dict[str, str]:

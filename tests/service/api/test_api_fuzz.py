@@ -86,7 +86,7 @@ _DEAR = {
         f"GET /v1/jobs/{{job_id}}/{name}"
         for name in (
             *("image.png", "image.exr", "difference.png", "noise.png", "quality.png", "spp.png"),
-            *("non-finite.png", "report.html", "curve.csv", "log", "slices", "previews"),
+            *("non-finite.png", "curve.csv", "log", "slices", "previews"),
             "results.zip",
         )
     ),

@@ -109,7 +109,7 @@ class NoiseFarm:
 
     def next_lease(self) -> Lease:
         """The next slice of whatever job is next, once one is planned."""
-        return until(self.lease, 60, lambda: "nothing more was planned")
+        return until(self.lease, 200, lambda: "nothing more was planned")
 
     def work(self, condition: Callable[[], object]) -> None:
         """Commit slices as they are planned, until the condition holds."""

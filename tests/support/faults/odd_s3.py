@@ -20,20 +20,14 @@ class OddS3:
 
     Attributes
     ----------
-    careless
-        Whether it puts though it was asked to create, and there is something.
     says
         What it answers to every request instead of doing it: status and body.
-    refuses_conditions
-        Whether it says 501 to a request with If-None-Match.
     silent
         While this is set, it answers nothing.
     """
 
     def __init__(self) -> None:
         self.objects: dict[str, bytes] = {}
-        self.careless = False
-        self.refuses_conditions = False
         self.says: tuple[int, bytes] | None = None
         self.silent = threading.Event()
         self._over = threading.Event()
@@ -65,8 +59,6 @@ class OddS3:
             pass
         if self.says is not None:
             return self.says
-        if creates and self.refuses_conditions:
-            return error(501, "NotImplemented")
         if method == "POST":  # DeleteObjects
             names = re.findall(r"<Key>(.*?)</Key>", body.decode())
             for name in names:
@@ -74,7 +66,7 @@ class OddS3:
             gone = "".join(f"<Deleted><Key>{name}</Key></Deleted>" for name in names)
             return 200, f"<DeleteResult>{gone}</DeleteResult>".encode()
         if method == "PUT":
-            if creates and path in self.objects and not self.careless:
+            if creates and path in self.objects:
                 return error(412, "PreconditionFailed")
             self.objects[path] = body
             return 200, b""

@@ -301,6 +301,7 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
     [
         (Loaded(width=8, height=8, channels=("R", "G", "B")), "begin with R, G, B and W"),
         (Loaded(width=8, height=8, ids=("Z",)), "ids are AOVs"),
+        (Loaded(width=8, height=8, quotients=(("R", "Z"),)), "pairs of AOVs"),
         (Loaded(width=2**20, height=2**20), "at most 268,435,456"),
         (Loaded(width="8", height=8), "has no size"),
         (Loaded(width=-8, height=-8), "has no size"),

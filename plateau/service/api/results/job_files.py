@@ -9,7 +9,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.wire import job_text
 from plateau.farm.wire.curve_csv import curve_csv
-from plateau.farm.wire.report import CAPTIONS, curve_file, report_html
+from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import job_view
 from plateau.picture import previews
 from plateau.service.api.parts import Parts
@@ -17,20 +17,9 @@ from plateau.service.api.results.zip_stream import ZipEntry
 from plateau.service.api.stored_files import SpoiledBlob
 
 _EXR: Final = "image.exr"
-
-
-def pictures_of(farm: Parts, results: str) -> dict[str, bytes | None]:
-    """The pictures of a set of results by name; None stands for a damaged one."""
-    pictures: dict[str, bytes | None] = {}
-    for name in CAPTIONS:
-        blob = f"{results}/{name}"
-        try:
-            pictures[name] = farm.files.content(blob, farm.jobs.sha256(blob))
-        except SpoiledBlob:
-            pictures[name] = None
-        except FileNotFoundError:  # a newer set has just been shown, or this one has no map yet
-            continue
-    return pictures
+_PICTURES: Final = (
+    *("image.png", "difference.png", "noise.png", "quality.png", "spp.png", "non-finite.png"),
+)
 
 
 class JobFiles:
@@ -74,9 +63,7 @@ class JobFiles:
         points = self._farm.jobs.curve(job.id)
         if points:
             yield self._entry("curve.csv", curve_csv(points))
-            yield self._entry("curve.svg", curve_file(job, points))
-        happened = self._farm.jobs.events(job.id)
-        yield self._entry("report.html", report_html(job, points, happened, pictures))
+            yield self._entry("curve.svg", job_svg(job, points, style=STYLE))
         view = job_view(job)
         yield self._entry("summary.txt", job_text.summary(view, utc_now()) + "\n")
         about = job_text.summary_json(view, points, [*self._names, "summary.json"])
@@ -92,9 +79,22 @@ class JobFiles:
         # A set is deleted when the next one is shown.
         while (shown := self._farm.jobs.results(self._job.id)) != results:
             results, self._names, self._damaged = shown, [], []
-            pictures = pictures_of(self._farm, shown)
+            pictures = self._pictures(shown)
             exr = self._stored(f"{shown}/{_EXR}", _EXR)
         return pictures, exr
+
+    def _pictures(self, results: str) -> dict[str, bytes | None]:
+        """The pictures of a set of results by name; None stands for a damaged one."""
+        pictures: dict[str, bytes | None] = {}
+        for name in _PICTURES:
+            blob = f"{results}/{name}"
+            try:
+                pictures[name] = self._farm.files.content(blob, self._farm.jobs.sha256(blob))
+            except SpoiledBlob:
+                pictures[name] = None
+            except FileNotFoundError:  # a newer set has just been shown, or this one has no map yet
+                continue
+        return pictures
 
     def _stored(self, blob: str, name: str) -> ZipEntry | None:
         """The blob, if it is there and whole."""

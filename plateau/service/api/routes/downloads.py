@@ -50,7 +50,7 @@ def _described(*kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
     responses=_described(problems.UNKNOWN_JOB),
 )
 def get_results_zip(job_id: JobId, farm: Farm) -> Response:
-    """Fetch everything that a job has come to as one zip: images, maps, previews, curve, report.
+    """Fetch everything that a job has come to as one zip: images, maps, previews, curve.
 
     They have the names that the job's own paths have, and `summary.json` has the job itself. Images
     and maps are of the same samples. Slices are left out, and so are files that are damaged;

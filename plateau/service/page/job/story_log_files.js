@@ -84,7 +84,6 @@ export class Records {
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
     const together = [
-      ["report.html", "Report", "everything on one self-contained page", links.report],
       ["results.zip", "Zip", "all of these, with the pictures of its points and a summary", links.results],
     ];
     const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];

@@ -88,7 +88,7 @@ class TestEveryAnswer:
         job.end()
         job.finish()
         root = f"/v1/jobs/{job.id}"
-        for path in ("image.png", "curve.csv", "report.html", "events"):
+        for path in ("image.png", "curve.csv", "events"):
             answer = http.get(f"{root}/{path}")
             assert answer.status_code == 200, path
             assert_safe(answer)

@@ -60,12 +60,11 @@ class TestOneJob:
         archive = fetched(http, f"/v1/jobs/{job.id}/results.zip")
         assert archive.namelist() == [
             *("image.exr", "image.png", "difference.png", "previews/000100.png"),
-            *("curve.csv", "curve.svg", "report.html", "summary.txt", "summary.json"),
+            *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
         ]
         assert archive.read("image.exr") == EXR
         assert archive.read("previews/000100.png") == b"a preview"
-        for name in ("curve.csv", "report.html"):
-            assert archive.read(name) == http.get(f"/v1/jobs/{job.id}/{name}").content
+        assert archive.read("curve.csv") == http.get(f"/v1/jobs/{job.id}/curve.csv").content
         assert ET.fromstring(archive.read("curve.svg")).tag.endswith("svg")
         assert b"converged" in archive.read("summary.txt")
         about = json.loads(archive.read("summary.json"))
@@ -73,7 +72,7 @@ class TestOneJob:
         assert about["files"] == archive.namelist()
         # Text is compressed, images are not; anybody may read what is unpacked
         assert archive.getinfo("image.exr").compress_type == ZIP_STORED
-        assert archive.getinfo("report.html").compress_type == ZIP_DEFLATED
+        assert archive.getinfo("summary.txt").compress_type == ZIP_DEFLATED
         assert {one.external_attr >> 16 for one in archive.infolist()} == {0o644}
 
     @pytest.mark.parametrize("name", ["image.exr", "noise.png"])
@@ -83,13 +82,11 @@ class TestOneJob:
         job = StagedJob(client)
         # Without an image it tells why
         archive = fetched(http, f"/v1/jobs/{job.id}/results.zip")
-        assert archive.namelist() == ["report.html", "summary.txt", "summary.json"]
+        assert archive.namelist() == ["summary.txt", "summary.json"]
         job.picture(api_store, "image.png", b"an image")
         job.picture(api_store, name, b"spoiled", was=b"whole")
         archive = fetched(http, f"/v1/jobs/{job.id}/results.zip")
-        assert archive.namelist() == [
-            *("image.png", "report.html", "summary.txt", "summary.json", "damaged.txt"),
-        ]
+        assert archive.namelist() == ["image.png", "summary.txt", "summary.json", "damaged.txt"]
         assert archive.read("damaged.txt").decode().startswith(name)
 
 

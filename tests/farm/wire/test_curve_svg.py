@@ -1,0 +1,55 @@
+"""A curve as a drawing: any can be drawn, and the values of a rule with its own."""
+
+import re
+from datetime import datetime, timezone
+
+import pytest
+
+from plateau.farm.model.job import CurvePoint, WatchedValue
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.wire.curve_svg import curve_svg
+
+
+@pytest.mark.parametrize(
+    ("visible", "estimate"), [(0, None), (1, 0.0), (40_000, 0.02), (3_000_000, 5e6)]
+)
+def test_any_curve_can_be_drawn(visible: int, estimate: float | None) -> None:
+    points = [
+        CurvePoint(
+            spp=spp,
+            visible_pixels=visible,
+            visible_fraction=0.5,
+            slope=None,
+            estimate_pixels=estimate,
+            estimate_fraction=None,
+            at=datetime.now(timezone.utc),
+        )
+        for spp in (25, 50)
+    ]
+    drawing = curve_svg(JobSpec(), 768, points)
+    numbers = [float(one) for one in re.findall(r'(?:[xy][12]?|c[xy])="([-\d.]+)"', drawing)]
+    assert len(numbers) > 20
+    assert all(-1 <= number <= 800 for number in numbers)
+    assert "nan" not in drawing
+
+
+def test_the_values_of_a_rule_with_its_own_have_a_plot() -> None:
+    points = [
+        CurvePoint(
+            spp=spp,
+            visible_pixels=100,
+            visible_fraction=0.1,
+            slope=None,
+            estimate_pixels=None,
+            estimate_fraction=None,
+            rules={"jod": WatchedValue(value=value, stop=False)},
+            at=datetime.now(timezone.utc),
+        )
+        for spp, value in ((100, None), (200, 8.4), (300, 9.1))
+    ]
+    spec = JobSpec.model_validate({"rule": {"name": "jod", "target": 9.5}})
+    drawing = curve_svg(spec, 1000, points)
+    assert "quality, in JOD" in drawing
+    assert "target 9.5 JOD" in drawing
+    assert drawing.count("<circle") == 3 + 2
+    assert "JOD" not in curve_svg(JobSpec(), 1000, points)
