@@ -154,7 +154,7 @@ def _add_load(
     found.others.append(took.others)
     found.loads[name] = {
         "committed": len(slices) / spent.at,
-        "merged": spent.merges / spent.merged_at if spent.merged_at else 0.0,
+        "merged": spent.merged / spent.at,
         "Redis": spent.redis_cpu_s / spent.at,
         "Redis, commands": spent.commands / spent.at,
         "Redis, scripts": spent.scripts / spent.at,

@@ -144,10 +144,6 @@ class StoppingRule:
     by_quality: ClassVar[bool] = False
     #: The fewest pixels across and down of an image that it can judge.
     least_side: ClassVar[int] = 1
-    #: The text after "It stopped by itself at N spp" on the page. {noise_left}, {slope},
-    #: {slope_limit} and the name of any parameter stand for figures. If it is empty, or a figure is
-    #: unknown, the page shows the verdict's reason.
-    stopped: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         require_bounds(self)

@@ -45,11 +45,10 @@ class Sample:
     scripts: float  #: runs
     log_bytes: float  #: written by Redis
     monitors_cpu_s: float
-    merged_at: float  #: when monitors last reported their work, by Redis's clock
-    merges: float
+    merged: float  #: slices of the images that were judged
 
     def since(self, before: "Sample") -> "Sample":
-        """Return the costs between two moments; `at` and `merged_at` are then durations."""
+        """Return the costs between two moments; `at` is then a duration."""
         own, other = asdict(self), asdict(before)
         return Sample(**{one.name: own[one.name] - other[one.name] for one in fields(self)})
 
@@ -157,17 +156,14 @@ class ControlPlane:
             scripts=scripts["calls"],
             log_bytes=persistence["aof_current_size"],
             monitors_cpu_s=sum(one.user + one.system for one in spent),
-            **self._done_by_monitors(),
+            merged=self._merged(),
         )
 
-    def _done_by_monitors(self) -> dict[str, float]:
-        done = {"merged_at": 0.0, "merges": 0.0}
-        for monitor_id in self.client.zrange(keys.MONITORS, 0, -1):
-            told = self.client.hgetall(keys.monitor(monitor_id))
-            done["merged_at"] += float(told["seen_at"]) / 1000 / self._count
-            runs = (int(n) for one, n in told.items() if one.startswith("did merge le "))
-            done["merges"] += sum(runs)
-        return done
+    def _merged(self) -> float:
+        pipe = self.client.pipeline(transaction=False)
+        for job_id in self.client.zrange(keys.JOBS, 0, -1):
+            pipe.hget(keys.job(job_id), "spp")
+        return sum(int(spp or 0) for spp in pipe.execute()) / SPEC.slice_spp
 
     @staticmethod
     def wait(condition: Callable[[], bool]) -> None:

@@ -20,7 +20,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, encode_partial
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
@@ -112,7 +112,7 @@ class _Worker:
         size = self._crew.size
         answer = self._queue.commit(lease, record, width=size, height=size, notes=())
         now = time.monotonic()
-        if answer is Committed.COMMITTED:
+        if answer == "committed":
             self.done.append(Slice(now, leased - started, now - stored))
 
     def heartbeat(self) -> None:

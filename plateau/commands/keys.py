@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
     from plateau.farm.redis.client import RedisClient
 
-_COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
-_SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
+_COLUMNS: Final = ("id", "name", "role", "made", "last used", "open jobs", "revoked")
+_SPARE: Final = ("open jobs", "last used", "made")  # on a narrow terminal
 #: For a Redis that starts at the same time, and whose volume may have to be made first.
 _PATIENCE_S: Final = 300.0
 
@@ -51,12 +51,6 @@ def create(
             "(also controls the jobs of others)."
         ),
     ] = "submitter",
-    requests_per_minute: Annotated[
-        float, typer.Option(help="Requests a minute that it may make.")
-    ] = 1200.0,
-    burst: Annotated[
-        int, typer.Option(help="Requests that it may make at once, after a pause.")
-    ] = 200,
     upload_gb: Annotated[
         float | None,
         typer.Option(
@@ -94,8 +88,6 @@ def create(
         raise CommandFailed("a key's name has 1 to 100 printable characters")
     known = _role(role)
     allowed = _limits(
-        requests_per_minute=requests_per_minute,
-        burst=burst,
         upload_gb=upload_gb,
         scenes_gb=scenes_gb,
         open_jobs=open_jobs,
@@ -278,7 +270,6 @@ def _row(key: "ApiKey", last_used: datetime | None) -> tuple[str, ...]:
         key.role.value,
         _day(key.created_at),
         "never" if last_used is None else f"{last_used:%Y-%m-%d %H:%M}",
-        f"{limits.requests_per_minute:g}/min, {limits.burst:,} at once",
         "any" if limits.open_jobs is None else f"{limits.open_jobs:,}",
         "–" if key.revoked_at is None else _day(key.revoked_at),
     )

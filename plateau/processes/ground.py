@@ -9,14 +9,12 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.process.settings import Settings
-from plateau.farm.redis.embedded import LONGEST_SOCKET_PATH
+from plateau.farm.redis.embedded import LONGEST_TEMPORARY, socket_in
 from plateau.files.out_folder import make, try_writing
+from plateau.processes.data_folder import DataFolder
 
 #: Files that one process of a small farm may come to have open.
 _OPEN_FILES: Final = 256
-#: The paths of its socket in the temporary folder, and in the data folder.
-_SOCKET: Final = "/plateau-redis-12345678/redis.sock"
-_IN_DATA: Final = "/redis/redis.sock"
 
 
 def check_ground(
@@ -53,11 +51,11 @@ def check_ground(
         temporary = tempfile.gettempdir()
     except OSError:
         raise CommandFailed("there is no temporary folder: name one with TMPDIR") from None
-    sockets = [f"{temporary}{_SOCKET}"] + ([] if data is None else [f"{data.absolute()}{_IN_DATA}"])
-    if has_redis and min(len(os.fsencode(path)) for path in sockets) > LONGEST_SOCKET_PATH:
+    is_in_data = data is not None and socket_in(DataFolder(data).redis) is not None
+    if has_redis and not is_in_data and len(os.fsencode(temporary)) > LONGEST_TEMPORARY:
         raise CommandFailed(
             f"{temporary} is too long for the path of a socket: let TMPDIR name a folder of "
-            f"{LONGEST_SOCKET_PATH - len(_SOCKET)} characters at most, such as /tmp"
+            f"{LONGEST_TEMPORARY} characters at most, such as /tmp"
         )
     if caches:
         make(settings.cache, "PLATEAU_CACHE")

@@ -4,7 +4,7 @@ from contextlib import ExitStack
 
 from plateau.errors import CommandFailed
 from plateau.farm.process.settings import Settings
-from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.embedded import EmbeddedRedis, socket_in
 from plateau.processes.data_folder import DataFolder, InUse
 from plateau.processes.ground import check_ground
 
@@ -27,8 +27,8 @@ def redis_at_hand(
     try:
         stack.enter_context(data)
     except InUse as held:
-        socket = data.redis.absolute() / "redis.sock"
-        if not socket.exists():
+        socket = socket_in(data.redis)
+        if socket is None or not socket.exists():
             raise CommandFailed(
                 f"{held}; its Redis is not in that folder: set PLATEAU_REDIS_URL and PLATEAU_BLOBS "
                 "to the values that it printed"

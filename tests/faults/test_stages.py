@@ -282,7 +282,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     farm: FaultyFarm, when: str
 ) -> None:
     def armed(*options: str, passed: tuple[int, ...]) -> subprocess.Popen[bytes]:
-        where = "plateau.farm.ledger.jobs:Jobs.create_all"
+        where = "plateau.farm.ledger.jobs:Jobs.create"
         return farm.start_armed(options[0], where, *options[1:], when=when, passed=passed)
 
     victim, url = farm.start_api(start=armed)

@@ -69,17 +69,8 @@ def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str)
     page.get_by_role("checkbox", name="Select other").check()
     expect(page.get_by_role("region", name="Selected jobs")).to_be_visible()
     assert violations(page) == []
-    page.get_by_role("button", name="Clear").click()
-    page.get_by_role("button", name="Actions for other").click()
-    assert violations(page) == []
-    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_role("button", name="Cancel…").click()
     expect(page.get_by_role("dialog")).to_be_visible()
-    assert violations(page) == []
-    page.get_by_role("button", name="Cancel the job").click()
-    expect(page.locator(".job[data-state=cancelled]")).to_have_count(1)
-    page.get_by_role("button", name="Actions for other").click()
-    page.get_by_role("button", name="Delete", exact=True).click()
-    page.get_by_role("button", name="Undo").wait_for()
     assert violations(page) == []
 
 

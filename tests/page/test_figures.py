@@ -43,7 +43,6 @@ def test_the_page_rounds_as_the_command_line_and_the_rules_do(page: Page) -> Non
         "percent": (figures.percent, FRACTIONS),
         "share": (figures.share, FRACTIONS),
         "duration": (figures.duration, SECONDS),
-        "roughly": (figures.roughly, SECONDS),
     }
     said = page.evaluate(SAY, [[name, values] for name, (_, values) in asked.items()])
     for (name, (ours, values)), theirs in zip(asked.items(), said, strict=True):
@@ -51,17 +50,9 @@ def test_the_page_rounds_as_the_command_line_and_the_rules_do(page: Page) -> Non
     assert [counted(count) for count in COUNTS] == [
         f"{figures.pixels(count)} pixels" for count in COUNTS
     ]
-    # And shares add up
-    for slices in ([1, 1, 1], [7, 5, 3, 2], [1], [999, 1], [25] * 7):
-        said = page.evaluate(
-            """async (counts) => (await import("/page/shared/figures.js")).sharesOf(counts)""",
-            slices,
-        )
-        tenths = [round(10 * float(share.split("\u00a0")[0])) for share in said]
-        assert sum(tenths) == 1000
 
 
-@pytest.mark.parametrize("end", [JobState.CANCELLED, *rare(JobState.CONVERGED)])
+@pytest.mark.parametrize("end", [JobState.CONVERGED, *rare(JobState.CANCELLED)])
 def test_a_job_took_as_long_wherever_one_looks(
     visit: Visit,
     farm: NoiseFarm,
@@ -71,7 +62,7 @@ def test_a_job_took_as_long_wherever_one_looks(
     end: JobState,
 ) -> None:
     # Given a job that waited for 7 s, was rendered for 3 s, and whose results took another 2 s
-    job = StagedJob(client)
+    job = StagedJob(client, max_spp=5475)
     job.commit(8)
     left = {"estimate_pixels": 232.5, "estimate_fraction": 232.5 / 768}
     job.point(200, 9, **left, estimate_undetermined=True)
@@ -80,6 +71,7 @@ def test_a_job_took_as_long_wherever_one_looks(
     ended = float(str(client.hget(keys.job(job.id), "ended_at")))
     times = {"created": -10_100, "started": -3000, "ended": 0, "finished": 2000}
     client.hset(keys.job(job.id), mapping={f"{name}_at": ended + ms for name, ms in times.items()})
+    client.hset(keys.job(job.id), "continued_spp", 100)  # which another job has paid for
     # When it is looked at on the command line and on the page
     monkeypatch.setenv("PLATEAU_URL", url)
     shown, listed = rows("show", job.id), CliRunner().invoke(app, ["list"]).stdout
@@ -95,29 +87,9 @@ def test_a_job_took_as_long_wherever_one_looks(
     # And wherever it may be far more, as the samples do not tell how wrong a denoiser is
     assert shown["noise left"].endswith(", undetermined")
     expect(page.locator(".readout")).to_contain_text("233 px of noise left, undetermined")
-
-
-@pytest.mark.parametrize("rule", ["visible", "fixed"])
-def test_what_was_saved_is_the_same_share(
-    visit: Visit, client: redis.Redis, url: str, monkeypatch: pytest.MonkeyPatch, rule: str
-) -> None:
-    job = StagedJob(client, rule={"name": rule}, max_spp=5475)
-    job.commit(8)
-    job.point(200, 9)
-    job.end()
-    job.finish(200)
-    client.hset(keys.job(job.id), "continued_spp", 100)  # which another job has paid for
-    monkeypatch.setenv("PLATEAU_URL", url)
-    shown = rows("show", job.id)
-    page = visit(f"/jobs/{job.id}", expected={404}).page
-    expect(page.locator(".facts")).to_contain_text("200 spp")
-    # 96.347 %, and nothing where the number was asked for
-    if rule == "visible":
+    # And what a stop of its own saved is the same share of its cap; 100 spp of 768 pixels took 4 s
+    if end is JobState.CONVERGED:
         assert shown["saved"] == "96.3 % of the cap, 4,051,200 samples"
         expect(page.locator(".facts")).to_contain_text("96.3 %")
         expect(page.locator(".facts")).to_contain_text("about 3 min 31 s of machine time")
-    else:
-        assert "saved" not in shown
-        expect(page.locator(".facts")).not_to_contain_text("saved")
-    # 100 spp of 768 pixels in 4 s
     expect(page.locator(".facts")).to_contain_text("0.0192 M")

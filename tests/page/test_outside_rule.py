@@ -72,7 +72,7 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     page.set_input_files("#scene-file", tmp_path / "box.zip")
     for name in ("width", "height"):
         page.get_by_label(name, exact=True).fill("32")
-    page.get_by_text("Other rules", exact=True).click()
+    page.get_by_text("Others", exact=True).click()
     page.get_by_role("radio", name="A number of looks").check()
     looks = page.get_by_label("Looks", exact=True)
     expect(looks).to_have_value("5")
@@ -82,7 +82,7 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     page.get_by_role("button", name="Render it").click()
     expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=120_000)
-    said = "It stopped by itself at 75 spp: the image was looked at 3 times."
+    said = "It stopped by itself at 75 spp: looked 3 times, at 75 spp."
     expect(page.locator(".reason")).to_have_text(said)
     path = page.url.replace("/jobs/", "/v1/jobs/")
     job = httpx.get(path, trust_env=False, timeout=60).json()

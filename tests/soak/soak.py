@@ -26,7 +26,7 @@ from tests.support.faults.invariants import Outcome, assert_same, check_job, is_
 #: How long users wait for a service that is struck.
 _PATIENCE_S: Final = 120.0
 _PR_SET_CHILD_SUBREAPER: Final = 36
-_PLENTY: Final = KeyLimits(requests_per_minute=1e6, burst=1000, upload_bytes=None, open_jobs=None)
+_PLENTY: Final = KeyLimits()
 
 
 class Soak:

@@ -10,7 +10,7 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import Incompatible
 from plateau.farm.redis import keys as farm_keys
 from plateau.farm.redis.commands.command import Command
-from plateau.farm.redis.scripts import Scripts, commands
+from plateau.farm.redis.scripts import Scripts
 from plateau.study import keys, redis_commands
 from plateau.study.ledger import Studies
 from plateau.study.model import Screen
@@ -18,6 +18,7 @@ from plateau.study.redis_commands import BeginStudy, ForgetStudy
 from tests.farm.redis.test_lost_answers import do_and_lose_the_answer, proxy, state, world
 from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.redis.lost_answers import World
+from tests.support.redis.redis_commands import commands
 
 __all__ = ["proxy", "world"]
 

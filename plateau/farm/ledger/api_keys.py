@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import re
 import secrets
+import time
 from collections.abc import Callable
 from datetime import datetime
 from enum import Enum
@@ -22,11 +23,13 @@ from plateau.farm.model.errors import UnknownKey
 from plateau.farm.model.job import moment
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.api_keys import PutKey
+from plateau.farm.redis.commands.api_keys import NoteUse, PutKey
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 _SECRET_BYTES: Final = 32
+#: An API process notes a key's use so often: each note is written to the disk.
+_NOTED_EVERY_S: Final = 60.0
 _SHOWN: Final = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})")
 
 
@@ -48,15 +51,11 @@ class KeyLimits(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    requests_per_minute: float = Field(gt=0, le=1e6)
-    burst: int = Field(
-        ge=1, le=1_000_000, description="requests that may come at once, after a pause"
-    )
     upload_bytes: int | None = Field(
-        ge=1, le=2**50, description="largest upload; null: the farm's limit"
+        None, ge=1, le=2**50, description="largest upload; null: the farm's limit"
     )
     open_jobs: int | None = Field(
-        ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
+        None, ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
     )
     scenes_bytes: int | None = Field(
         None, ge=1, le=2**60, description="most bytes of scenes that it has stored; null: any"
@@ -88,6 +87,7 @@ class ApiKeys:
     def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
+        self._note_after: dict[str, float] = {}  # by id, on the monotonic clock
 
     def create(self, name: str, role: Role, limits: KeyLimits) -> tuple[ApiKey, str]:
         """A new key, and its only showing."""
@@ -162,6 +162,13 @@ class ApiKeys:
             texts = self._redis.hvals(keys.API_KEYS)
         found = [ApiKey.model_validate_json(text) for text in texts]
         return sorted(found, key=lambda key: key.created_at)
+
+    def note_use(self, key: ApiKey) -> None:
+        """Note that the key is used, once a minute."""
+        now = time.monotonic()
+        if now >= self._note_after.get(key.id, now):
+            self._scripts.run(NoteUse(key=key.id))
+            self._note_after[key.id] = now + _NOTED_EVERY_S
 
     def last_used(self) -> dict[str, datetime]:
         """When each key was last used, to a minute, without keys that never were."""

@@ -4,6 +4,7 @@ A batch exists from the first job of its name until the last is forgotten.
 """
 
 import json
+from collections import Counter
 from collections.abc import Callable
 from enum import Enum
 from typing import Final
@@ -18,7 +19,6 @@ from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands import batches as commands
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
 from plateau.farm.redis.link import unavailable_as_farm_error
@@ -55,18 +55,30 @@ class Batches:
         self, *, before: int | None = None, limit: int = 20
     ) -> tuple[list[BatchLine], int | None]:
         """Batches by their newest jobs, below the number `before`, and the next page's number."""
-        rows = self._scripts.run(commands.Batches(before=before, limit=limit))
-        found = [
-            BatchLine(
-                name=row.name,
-                jobs=row.jobs,
-                states={JobState(state): count for state, count in row.states.items()},
-                newest_at=moment(row.newest_at),
+        highest = "+inf" if before is None else f"({before}"
+        with unavailable_as_farm_error():
+            rows = self._redis.zrevrangebyscore(
+                keys.BATCHES, highest, "-inf", start=0, num=limit, withscores=True
             )
-            for row in rows
-            if row.newest_at is not None
-        ]
-        return found, rows[-1].number if len(rows) == limit else None
+            lines = (self._line(name) for name, _ in rows)
+            found = [line for line in lines if line is not None]
+        return found, int(rows[-1][1]) if len(rows) == limit else None
+
+    def _line(self, name: str) -> BatchLine | None:
+        """The batch in a list; jobs whose state is lost or unknown do not count."""
+        pipe = self._redis.pipeline(transaction=False)
+        for job_id in self._redis.zrange(keys.batch(name), 0, -1):
+            pipe.hmget(keys.job(job_id), ("state", "created_at"))
+        known = {state.value for state in JobState}
+        jobs = [(state, at) for state, at in pipe.execute() if state in known and at is not None]
+        if not jobs:
+            return None
+        return BatchLine(
+            name=name,
+            jobs=len(jobs),
+            states=Counter(JobState(state) for state, _ in jobs),
+            newest_at=moment(jobs[-1][1]),
+        )
 
     def get(self, name: str) -> Batch:
         """A summary of the batch's jobs, or `BatchNotFound`."""

@@ -56,15 +56,19 @@ class Jobs(JobReads):
 
     def create(
         self,
-        spec: JobSpec,
-        *,
+        *specs: JobSpec,
         name: str,
         scene_sha256: str,
         idempotency_key: str = "",
         digest: str = "",
         owner: str = "",
+        notes: tuple[str, ...] = (),
+        again: Again | None = None,
     ) -> Created:
-        """Create a job, `queued`; the same idempotency key of the same owner creates it once.
+        """Create a job for each spec, `queued`, all or none; returns the first one.
+
+        The same idempotency key of the same owner creates them once. The specs differ only in their
+        parameters; `notes` say what of them was changed.
 
         Raises
         ------
@@ -74,31 +78,6 @@ class Jobs(JobReads):
             It needs another pool or other tags than all open jobs, whose needs are many already.
         CannotFollow
             A job or batch of `spec.after` is unknown, or has not ended well.
-        """
-        return self.create_all(
-            [spec],
-            name=name,
-            scene_sha256=scene_sha256,
-            idempotency_key=idempotency_key,
-            digest=digest,
-            owner=owner,
-        )
-
-    def create_all(
-        self,
-        specs: list[JobSpec],
-        *,
-        name: str,
-        scene_sha256: str,
-        idempotency_key: str = "",
-        digest: str = "",
-        owner: str = "",
-        notes: tuple[str, ...] = (),
-        again: Again | None = None,
-    ) -> Created:
-        """As `create`, for each spec, all or none; returns the first job.
-
-        The specs differ only in their parameters; `notes` say what of them was changed.
         """
         jobs = tuple(
             records.new_job(

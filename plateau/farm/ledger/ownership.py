@@ -6,7 +6,6 @@ the token and is refused, with `FenceLost`, once another monitor has taken over.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict
 
@@ -29,7 +28,6 @@ from plateau.farm.redis.commands.owners import (
     Finish,
     NoteBlob,
     Own,
-    OwnedJob,
     OwnerCommand,
     Plan,
     Reject,
@@ -37,6 +35,7 @@ from plateau.farm.redis.commands.owners import (
     Save,
     Show,
 )
+from plateau.farm.redis.commands.owners import Ownership as Ownership
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -56,14 +55,6 @@ def checkpoint_of(client: RedisClient, job_id: str) -> Checkpoint | None:
     with unavailable_as_farm_error():
         text = client.hget(keys.job(job_id), "checkpoint")
     return None if text is None else Checkpoint.model_validate_json(text)
-
-
-@dataclass(frozen=True)
-class Ownership:
-    """A job and the token under which this monitor owns it."""
-
-    job_id: str
-    token: str
 
 
 class Ownerships:
@@ -100,12 +91,12 @@ class Ownerships:
 
     def renew(self, owned: tuple[Ownership, ...]) -> set[str]:
         """Renew the leases of these jobs; returns the jobs that were lost."""
-        lost = self._scripts.run(Renew(lease_ms=self._lease_ms, owned=_named(owned)))
+        lost = self._scripts.run(Renew(lease_ms=self._lease_ms, owned=owned))
         return set(lost)
 
     def disown(self, owned: tuple[Ownership, ...]) -> None:
         """Give up these jobs for the next monitor."""
-        self._scripts.run(Disown(owned=_named(owned)))
+        self._scripts.run(Disown(owned=owned))
 
     def committed(self, job_id: str, indices: range) -> list[SliceRecord]:
         """The ledger's records of these slices, up to the first missing one."""
@@ -311,7 +302,3 @@ def _digests(results: str, sha256: Mapping[str, str] | None) -> dict[str, str] |
         return None
     _, folder = blobs.in_job(results)
     return {f"{folder}/{name}": digest for name, digest in sha256.items()}
-
-
-def _named(owned: tuple[Ownership, ...]) -> tuple[OwnedJob, ...]:
-    return tuple(OwnedJob(one.job_id, one.token) for one in owned)

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from enum import Enum
 
 from pydantic import BaseModel, ConfigDict
 
@@ -16,7 +15,15 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
 from plateau.farm.redis.commands.members import Heartbeat, LeaseName, Leave
-from plateau.farm.redis.commands.slices import Commit, Died, Fail, Glimpse, HandBack, Offer
+from plateau.farm.redis.commands.slices import (
+    Commit,
+    CommitEnd,
+    Died,
+    Fail,
+    Glimpse,
+    HandBack,
+    Offer,
+)
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -53,16 +60,6 @@ class SliceRecord(BaseModel):
     sha256: str  #: of the partial's bytes
     worker: str
     render_s: float
-
-
-class Committed(str, Enum):
-    """The queue's answer to a commit."""
-
-    COMMITTED = "committed"
-    DUPLICATE = "duplicate"  #: the ledger has another try of this slice: the partial can go
-    ENDED = "ended"  #: the job has ended
-    STALE = "stale"  #: after a long pause without commits, others render with another variant
-    OVERLAP = "overlap"  #: another slice in the ledger has its seeds: a bug, refused
 
 
 class SliceQueue:
@@ -160,28 +157,26 @@ class SliceQueue:
         height: int,
         notes: tuple[str, ...],
         said: str = "",
-    ) -> Committed:
+    ) -> CommitEnd:
         """Enter the slice into the ledger, once; safe to repeat.
 
         The first commit of a slice counts, even after its lease ran out. As in the other reports,
         `said` is the render child's output, for the job's log.
         """
-        return Committed(
-            self._scripts.run(
-                Commit(
-                    job=lease.job_id,
-                    entry=lease.entry,
-                    worker=self._worker,
-                    index=lease.index,
-                    record=record.model_dump_json(),
-                    machine_ms=round(record.render_s * 1000),
-                    threads=self._threads,
-                    width=width,
-                    height=height,
-                    notes=json.dumps(notes),
-                    variant=lease.variant,
-                    said=said,
-                )
+        return self._scripts.run(
+            Commit(
+                job=lease.job_id,
+                entry=lease.entry,
+                worker=self._worker,
+                index=lease.index,
+                record=record.model_dump_json(),
+                machine_ms=round(record.render_s * 1000),
+                threads=self._threads,
+                width=width,
+                height=height,
+                notes=json.dumps(notes),
+                variant=lease.variant,
+                said=said,
             )
         )
 

@@ -52,19 +52,21 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 
 def worker(fields: dict[str, str], now_ms: float) -> Worker:
     """A worker as its last heartbeat described it."""
-    about = json.loads(fields["about"])
-    left_out = fields.get("left_out", "").split()
     known = {
-        **about,
+        **json.loads(fields["about"]),
         "drained": "drained" in fields,
-        "left_out_of": tuple(
-            job
-            for job, until in zip(left_out[::2], left_out[1::2], strict=False)
-            if float(until) > now_ms
-        ),
+        "left_out_of": left_out_of(fields, now_ms),
         "seen_at": moment(fields["seen_at"]),
     }
     return Worker.model_validate(known)
+
+
+def left_out_of(fields: Mapping[str, str], now_ms: float) -> tuple[str, ...]:
+    """The jobs of which the worker of these fields gets no slice for a while."""
+    noted = fields.get("left_out", "").split()
+    return tuple(
+        job for job, until in zip(noted[::2], noted[1::2], strict=False) if float(until) > now_ms
+    )
 
 
 def prefix_length(indices: Container[int]) -> int:

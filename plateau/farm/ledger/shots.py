@@ -18,7 +18,7 @@ from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.batches import AnsweredFrame, AnswerFrames, Over
+from plateau.farm.redis.commands.shots import AnsweredFrame, AnswerFrames, Over
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 

@@ -1,26 +1,28 @@
-"""The whole farm's work, done and to do: counted in Redis, read in one round trip.
+"""The whole farm's work, done and to do.
 
-Totals only grow. The commands that end a job or commit a slice count it in the same step, and
-monitors report their work, so a restart of any process loses nothing, and any process can answer
-for all. The work to do is counted afresh over the open jobs.
+Totals only grow. The commands that end a job or commit a slice count it in the same step, so a
+restart of any process loses nothing, and any process can answer for all. The work to do is counted
+afresh over the open jobs.
 """
 
 import json
 import math
-import os
-import socket
-from collections.abc import Collection, Iterable
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
-from typing import Final
+from functools import cache
+from itertools import islice
+from typing import Any, Final
 
-from plateau.farm.model.durations import Durations, Histogram, histogram
-from plateau.farm.model.fit import ANY
+from plateau.farm.ledger import records
+from plateau.farm.ledger.workers import ALIVE_S
+from plateau.farm.model.fit import ANY, WorkerClass
+from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands import census as commands
-from plateau.farm.redis.commands.members import MonitorHeartbeat
 from plateau.farm.redis.commands.sweeps import NoteSweep
+from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 #: How tries of slices end: `plateau.farm.model.job.TryEnd`, ``late`` (rendered when the job had
@@ -38,8 +40,15 @@ NOTICE_TRY_ENDS: Final = ("delivered", "failed", "given-up")
 #: A guess of a slice's time, until the farm has rendered one.
 _SLICE_MS: Final = 1000.0
 
-MERGE_BOUNDS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
-EVALUATION_BOUNDS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 60.0)
+#: What living workers do.
+_WORKER_STATES: Final = ("idle", "rendering", "out_of_service")
+#: The states of jobs that have not ended.
+_OPEN: Final = ("queued", "rendering", "paused")
+#: The fields of a job's hash that a count needs.
+_FIELDS: Final = (
+    *("state", "ready", "leased", "committed", "created_at", "held", "variant", "asked_variant"),
+    *("machine_ms", "slice_spp", "expected_spp", "continued_spp", "need", "awaits", "number"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +90,6 @@ class Census:
     second_tries: int  #: of slices that were late
     machine_s: float  #: of render children
     wasted_s: float  #: of those on tries of slices of which another was committed first
-    merges: Histogram  #: of one slice, its fetch included
-    evaluations: Histogram  #: of a merged image by all rules of its job
     notices_waiting: int  #: for a try, or being tried
     notice_tries: dict[str, int]  #: by how they ended
     swept_at: float | None  #: when the last sweep ended, in s since 1970
@@ -124,29 +131,73 @@ class Census:
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))
 
 
-def take_census(
-    client: RedisClient, within_s: float = 15.0, *, from_priority: int | None = None
-) -> Census:
-    """Count the farm; workers without a heartbeat for `within_s` are left out.
+def take_census(client: RedisClient, *, from_priority: int | None = None) -> Census:
+    """Count the farm; jobs of a priority below `from_priority` are counted, but are no demand."""
+    with unavailable_as_farm_error():
+        pipe = client.pipeline(transaction=True)
+        pipe.time()
+        pipe.smembers(keys.UNFINISHED)  # those that have not ended, and a few more
+        pipe.zrange(keys.WORKERS, 0, -1, withscores=True)
+        pipe.zrange(keys.MONITORS, 0, -1, withscores=True)
+        pipe.zrange(keys.NOTICES, 0, -1)
+        pipe.zcard(keys.JOBS)
+        pipe.hget(keys.STORE, "created")
+        pipe.hgetall(keys.TOTALS)
+        (seconds, us), job_ids, seen, due, receivers, stored, created, counted = pipe.execute()
+        now_ms = int(seconds) * 1000 + int(us) / 1000
+        workers = [worker for worker, at in seen if at >= now_ms - ALIVE_S * 1000]
+        monitors = [monitor for monitor, overdue in due if overdue >= now_ms]
+        pipe = client.pipeline(transaction=False)
+        for worker in workers:
+            pipe.hgetall(keys.worker(worker))
+        for monitor in monitors:
+            pipe.hget(keys.monitor(monitor), "jobs")
+        for receiver in receivers:
+            pipe.zcard(f"{keys.NOTICES}:{receiver}")
+        for job_id in job_ids:
+            pipe.hmget(keys.job(job_id), _FIELDS)
+            pipe.zcard(keys.job(job_id, "lost"))
+            pipe.zscore(keys.OPEN, job_id)
+        answers = iter(pipe.execute())
+    crew = [_Worker.of(fields, now_ms) for fields in islice(answers, len(workers)) if fields]
+    owned = sum(int(jobs or 0) for jobs in islice(answers, len(monitors)))
+    notices = sum(islice(answers, len(receivers)))
+    totals = {name: int(number) for name, number in counted.items()}
+    usual_ms = _mean_slice_ms(totals)
 
-    Jobs of a priority below `from_priority` are counted, but are no demand.
-    """
-    found = Scripts(client).run(
-        commands.Census(alive_ms=round(within_s * 1000), least_priority=from_priority)
-    )
-    totals, oldest = found.totals, found.oldest
+    @cache
+    def suited(wanted: str) -> list[_Worker]:
+        return [one for one in crew if one.kind is not None and one.kind.serves(wanted)]
+
+    states: Counter[str] = Counter(dict.fromkeys(_OPEN, 0))
+    demand: dict[str, list[Demand]] = defaultdict(list)
+    unserved: list[tuple[int, str]] = []
+    oldest_ms = now_ms
+    for job_id, values, lost, priority in zip(job_ids, answers, answers, answers, strict=True):
+        job = dict(zip(_FIELDS, values, strict=True))
+        if job["state"] not in _OPEN:
+            continue
+        states[job["state"]] += 1
+        wanted = f"{job['variant'] or job['asked_variant'] or ANY} {job['need'] or DEFAULT_POOL}"
+        may_begin = job["state"] != "paused" and not job["held"] and not job["awaits"]
+        with records.leaving_out_unreadable(), records.reading(job_id):
+            if may_begin and all(job_id in one.left_out_of for one in suited(wanted)):
+                unserved.append((int(job["number"]), job_id))
+            if may_begin and job["committed"] == "0":
+                oldest_ms = min(oldest_ms, float(job["created_at"]))
+            if from_priority is None or priority is None or priority >= from_priority:
+                waiting = int(job["ready"]) + lost if may_begin else 0
+                demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
     return Census(
-        jobs=found.jobs,
-        jobs_stored=found.stored,
-        unserved=found.unserved,
-        queue_age_s=0.0 if oldest is None else (float(found.now) - float(oldest)) / 1000,
-        demand={
-            needed: _demand(work, _mean_slice_ms(totals)) for needed, work in found.demand.items()
-        },
-        workers=found.workers,
-        monitors=found.monitors,
-        jobs_owned=found.owned,
-        jobs_created=found.created,
+        jobs=dict(states),
+        jobs_stored=stored,
+        unserved=tuple(job_id for _, job_id in sorted(unserved)),
+        queue_age_s=(now_ms - oldest_ms) / 1000,
+        demand={wanted: _sum(demands) for wanted, demands in demand.items()},
+        workers={state: [one.state for one in crew].count(state) for state in _WORKER_STATES},
+        monitors=len(monitors),
+        jobs_owned=owned,
+        jobs_created=int(created or 0),
         jobs_ended={state: totals.get(f"ended {state}", 0) for state in ENDS},
         tries={end: totals.get(f"tries {end}", 0) for end in TRY_ENDS},
         samples=totals.get("samples", 0),
@@ -154,20 +205,47 @@ def take_census(
         second_tries=totals.get("second tries", 0),
         machine_s=totals.get("machine ms", 0) / 1000,
         wasted_s=totals.get("wasted ms", 0) / 1000,
-        merges=histogram(totals, "merge", MERGE_BOUNDS_S),
-        evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
-        notices_waiting=found.notices,
+        notices_waiting=notices,
         notice_tries={end: totals.get(f"notice tries {end}", 0) for end in NOTICE_TRY_ENDS},
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
 
 
-def _demand(work: commands.Work, unmeasured_ms: float) -> Demand:
+@dataclass(frozen=True)
+class _Worker:
+    """A living worker."""
+
+    state: str  #: one of `_WORKER_STATES`
+    kind: WorkerClass | None  #: None where it takes no work
+    left_out_of: tuple[str, ...]
+
+    @classmethod
+    def of(cls, fields: Mapping[str, str], now_ms: float) -> "_Worker":
+        about: dict[str, Any] = json.loads(fields.get("about", "{}"))
+        in_trouble = about.get("trouble") is not None
+        works = "rendering" if about.get("job") is not None else "idle"
+        kind = WorkerClass(
+            tuple(about.get("variants", ())),
+            about.get("pool", DEFAULT_POOL),
+            tuple(about.get("tags", ())),
+        )
+        return cls(
+            "out_of_service" if in_trouble else works,
+            None if in_trouble or "drained" in fields else kind,
+            records.left_out_of(fields, now_ms),
+        )
+
+
+def _demand(job: Mapping[str, str], waiting: int, leased: int, usual_ms: float) -> Demand:
+    """A job's slices, up to the end that its monitor expects, and one worker's time for them."""
+    slice_spp, committed = int(job["slice_spp"]), int(job["committed"])
+    left = float(leased)  # more workers would be of no use
+    if waiting:
+        left = max(waiting + leased, int(job["expected_spp"] or 0) / slice_spp - committed)
+    measured = committed - int(job["continued_spp"] or 0) / slice_spp
+    slice_ms = int(job["machine_ms"]) / measured if measured > 0 else usual_ms
     return Demand(
-        waiting=work.waiting,
-        leased=work.leased,
-        left=math.ceil(work.left),
-        work_s=(work.work_ms + work.unmeasured * unmeasured_ms) / 1000,
+        waiting=waiting, leased=leased, left=math.ceil(left), work_s=left * slice_ms / 1000
     )
 
 
@@ -185,43 +263,6 @@ def _mean_slice_ms(totals: dict[str, int]) -> float:
     """The mean time of all slices: an estimate for jobs without a rendered slice."""
     committed = totals.get("tries committed", 0)
     return totals.get("machine ms", 0) / committed if committed else _SLICE_MS
-
-
-class MonitorWork:
-    """One monitor's work since its start, and the heartbeat that reports it.
-
-    A monitor counts as alive for the length of a lease after its last heartbeat. A killed monitor's
-    work since then is not counted.
-    """
-
-    def __init__(self, client: RedisClient, monitor_id: str, lease_s: float) -> None:
-        self.merges = Durations(MERGE_BOUNDS_S)
-        self.evaluations = Durations(EVALUATION_BOUNDS_S)
-        self._scripts = Scripts(client)
-        self._id = monitor_id
-        self._lease_ms = round(lease_s * 1000)
-        self._started_at = datetime.now(timezone.utc)
-
-    def heartbeat(self, jobs: int) -> None:
-        """Report that the monitor lives, its number of jobs, and its work."""
-        about = {
-            "id": self._id,
-            "host": socket.gethostname(),
-            "pid": os.getpid(),
-            "jobs": jobs,
-            "started_at": self._started_at.isoformat(),
-        }
-        self._report(json.dumps(about))
-
-    def sign_off(self) -> None:
-        """Report for the last time."""
-        self._report(None)
-
-    def _report(self, about: str | None) -> None:
-        done = self.merges.numbers("merge") | self.evaluations.numbers("evaluation")
-        self._scripts.run(
-            MonitorHeartbeat(monitor=self._id, about=about, life_ms=self._lease_ms, done=done)
-        )
 
 
 def note_sweep(client: RedisClient) -> None:

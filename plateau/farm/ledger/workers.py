@@ -1,4 +1,4 @@
-"""The workers that live; they are drained, so that they take no more work, and resumed."""
+"""The workers that live, are drained and are resumed; and the heartbeat of monitors."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ from plateau.farm.model.errors import WorkerNotFound
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.members import Drain
+from plateau.farm.redis.commands.members import Drain, MonitorHeartbeat
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -52,3 +52,23 @@ class Workers:
         drain = Drain(worker=worker_id, drains=drains, alive_ms=round(ALIVE_S * 1000))
         if self._scripts.run(drain) == "missing":
             raise WorkerNotFound(worker_id)
+
+
+class MonitorLife:
+    """A monitor's heartbeat: it counts as alive for the length of a lease after the last one."""
+
+    def __init__(self, client: RedisClient, monitor_id: str, lease_s: float) -> None:
+        self._scripts = Scripts(client)
+        self._id = monitor_id
+        self._lease_ms = round(lease_s * 1000)
+
+    def heartbeat(self, jobs: int) -> None:
+        """Report that the monitor lives, and the number of its jobs."""
+        self._report(jobs)
+
+    def sign_off(self) -> None:
+        """Report for the last time."""
+        self._report(None)
+
+    def _report(self, jobs: int | None) -> None:
+        self._scripts.run(MonitorHeartbeat(monitor=self._id, jobs=jobs, life_ms=self._lease_ms))

@@ -97,7 +97,6 @@ class WorkerNotFound(FarmError):
 
     def __init__(self, worker_id: str) -> None:
         super().__init__(f"there is no worker {worker_id!r}")
-        self.worker_id = worker_id
 
 
 class CannotFollow(FarmError):

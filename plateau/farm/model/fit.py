@@ -33,12 +33,12 @@ class WorkerClass:
         """The class as Redis has it."""
         return f"{self.pool} {','.join(self.variants)} {','.join(sorted(self.tags))}"
 
-    def serves(self, job: Job) -> bool:
-        """Whether such a worker may render the job; one that has no variant yet takes any."""
-        variant = job.variant or job.spec.variant
+    def serves(self, wanted: str) -> bool:
+        """Whether such a worker may render jobs of this class: "VARIANT POOL TAG,TAG"."""
+        variant, pool, *tags = wanted.split(" ")
         return (
-            self.pool == job.spec.pool
-            and set(job.spec.requires) <= set(self.tags)
+            self.pool == pool
+            and set(filter(None, ",".join(tags).split(","))) <= set(self.tags)
             and bool(self.variants)
             and (variant == ANY or variant in self.variants)
         )
@@ -47,6 +47,11 @@ class WorkerClass:
 def need(spec: SharedSpec) -> str:
     """A job's pool and tags, as Redis has them."""
     return f"{spec.pool} {','.join(spec.requires)}".rstrip()
+
+
+def class_of(job: Job) -> str:
+    """The class of a job, as Redis has it; a job without a variant takes any."""
+    return f"{job.variant or job.spec.variant} {need(job.spec)}"
 
 
 class Crew:
@@ -60,13 +65,13 @@ class Crew:
 
     def fitting(self, job: Job) -> int:
         """How many of them may render the job."""
-        every = sum(count for one, count in self._classes.items() if one.serves(job))
+        every = sum(count for one, count in self._classes.items() if one.serves(class_of(job)))
         return every - self.left_out(job)
 
     def left_out(self, job: Job) -> int:
         """How many others could, but are left out of it for a while."""
         return sum(
-            job.id in worker.left_out_of and _class_of(worker).serves(job)
+            job.id in worker.left_out_of and _class_of(worker).serves(class_of(job))
             for worker in self._workers
         )
 

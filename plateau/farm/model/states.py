@@ -70,10 +70,5 @@ JOB_MOVES: Final[dict[JobState, frozenset[JobState]]] = {
 }
 
 
-def sources(target: JobState) -> tuple[JobState, ...]:
-    """The states from which a job may become `target`."""
-    return tuple(state for state, targets in JOB_MOVES.items() if target in targets)
-
-
 #: Workers that may die on one slice before its job fails.
 MAX_TRIES: Final = 3

@@ -86,8 +86,7 @@ _MONITOR: Final = (
     keys.UNFINISHED,
     keys.DELETED,
     keys.BATCHES,
-    keys.GATES,
-    f"{PREFIX}gate:*",
+    keys.AWAITING,
     keys.batch("*"),
     keys.SCENES,
     keys.SCENES_USED,
@@ -102,7 +101,6 @@ _MONITOR: Final = (
 #: Beside those of a monitor.
 _API: Final = (
     f"{PREFIX}idempotency:*",
-    f"{PREFIX}key:{_ID}:rate",
     keys.API_KEYS_USED,
 )
 _READ_BY_API: Final = (keys.API_KEYS,)

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
-LONGEST_SOCKET_PATH: Final = 100
+_LONGEST_SOCKET_PATH: Final = 100
+_PREFIX: Final = "plateau-redis-"
+#: The temporary folder, in bytes, where a socket has its folder in it.
+LONGEST_TEMPORARY: Final = _LONGEST_SOCKET_PATH - len(f"/{_PREFIX}12345678/redis.sock")
 _STOP_S: Final = 15.0
 _BLOCK_BYTES: Final = 4096
 #: A freshly rewritten log ends in a checksum, whose last bytes may be zero.
@@ -41,6 +44,15 @@ def find_redis_server() -> Path | None:
             return binary
     on_path = shutil.which("redis-server")
     return Path(on_path) if on_path else None
+
+
+def socket_in(data: Path) -> Path | None:
+    """The socket beside the data of a server; None where its path would be too long.
+
+    Then it is in a folder of its own in the temporary folder.
+    """
+    socket = data.absolute() / "redis.sock"
+    return socket if len(os.fsencode(socket)) <= _LONGEST_SOCKET_PATH else None
 
 
 def _cut_unwritten_end(data: Path) -> None:
@@ -106,11 +118,10 @@ class EmbeddedRedis:
             )
         make_folder(data.absolute())
         self._data = data
-        # In the data folder, with the other files, unless its path would be too long.
-        socket = data.absolute() / "redis.sock"
         self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
-        if len(os.fsencode(socket)) > LONGEST_SOCKET_PATH:
-            self._elsewhere = tempfile.TemporaryDirectory(prefix="plateau-redis-")
+        socket = socket_in(data)
+        if socket is None:
+            self._elsewhere = tempfile.TemporaryDirectory(prefix=_PREFIX)
             socket = Path(self._elsewhere.name) / "redis.sock"
         self._log = data / "redis.log"
         options = {

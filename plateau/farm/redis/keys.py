@@ -29,9 +29,8 @@ plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs 
 plateau:jobs:deleted      zset    deleted jobs, which are in no batch, scored so       till restored
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
-plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
-                                  NUMBER NAME"; see after.lua
-plateau:gates             zset    gates of batches, scored by their numbers            till open
+plateau:jobs:awaiting     set     jobs that wait until others have ended; see            while so
+                                  after.lua
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
@@ -39,15 +38,13 @@ plateau:workers           zset    worker id, scored by last heartbeat (ms)      
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
                                   for slices with which it was lost, ``left_out`` of jobs
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
-plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
-                                  totals
+plateau:monitor:ID        hash    the number of its ``jobs``                           1 h
 plateau:totals            hash    counters of the whole farm; see `ledger.totals`      for ever
 plateau:heard             hash    ``at``: time of the last heartbeat of any worker (ms);  for ever
                                   ``spared_till``: until when no lease is taken from it
 plateau:told:BLOB         string  set when a worker was told that its partial is unused  1 h
 plateau:keys              hash    key id → JSON of an API key; see `ledger.api_keys`     for ever
 plateau:keys:used         hash    key id → when it was last used (ms), to a minute     for ever
-plateau:key:ID:rate       string  when the key's bucket of requests is full again (ms) till then
 plateau:key:ID:open       set     the key's jobs that have not ended                   till they do
 plateau:key:ID:jobs       zset    the key's jobs, scored by their number of creation   the jobs'
 plateau:notices           zset    receivers of notices, scored by when one is due (ms)  till told
@@ -117,7 +114,7 @@ LATE: Final = PREFIX + "late"
 IDLE: Final = PREFIX + "idle"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
-GATES: Final = PREFIX + "gates"
+AWAITING: Final = PREFIX + "jobs:awaiting"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
 WORKERS: Final = PREFIX + "workers"
@@ -211,7 +208,7 @@ local function job_key(id, part)
   return PREFIX .. 'job:' .. id
 end
 local TROUBLES = '{TROUBLES}'
-local BATCHES, GATES = '{BATCHES}', '{GATES}'
+local BATCHES, AWAITING = '{BATCHES}', '{AWAITING}'
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end
 local function told_key(blob) return PREFIX .. 'told:' .. blob end

@@ -42,8 +42,8 @@ _NAMESPACES: Final = {
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
-    *("jobs", "deletions", "owners", "batches", "shots", "scenes", "sweeps", "notices"),
-    *("members", "api_keys", "census", "troubles"),
+    *("jobs", "deletions", "owners", "shots", "scenes", "sweeps", "notices"),
+    *("members", "api_keys", "troubles"),
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
@@ -103,11 +103,6 @@ def text(more: str = "") -> str:
             (_LUA / "dispatch.lua").read_text(encoding="utf-8"),
         )
     )
-
-
-def commands(whose: str = "workers|farm", more: str = "") -> set[str]:
-    """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
-    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(more), re.MULTILINE))
 
 
 @contextmanager

@@ -16,7 +16,6 @@ _EXAMPLE: Final[JsonDict] = {
     "quantity": "",
     "unit": "",
     "by_quality": False,
-    "stopped": "",
     "parameters": [
         {
             "name": "spp",
@@ -73,10 +72,6 @@ class RuleView(BaseModel):
         description="whether they are the quality by ColorVideoVDP; a job with the rule has "
         "quality.png"
     )
-    stopped: str = Field(
-        description="what follows 'It stopped by itself at N spp', where it says more than the "
-        "job's reason; {noise_left}, {slope}, {slope_limit} and {PARAMETER} stand for figures"
-    )
     parameters: list[ParameterView]
 
 
@@ -101,7 +96,6 @@ def rules_view() -> Rules:
                 quantity=rule.quantity,
                 unit=rule.unit,
                 by_quality=rule.by_quality,
-                stopped=rule.stopped,
                 parameters=[
                     ParameterView(
                         name=name,

@@ -61,10 +61,6 @@ class Reverse(Rule):
     order: ClassVar[int] = 4
     featured: ClassVar[bool] = True
     continues: ClassVar[bool] = True  # every job's judge keeps one, for the curve
-    stopped: ClassVar[str] = (
-        "compared with the first image hardly anything changes any more. The curve rises by "
-        "{slope} pixels per spp; you asked for less than {slope_limit}."
-    )
 
     #: N: how many points the line is laid through.
     window: int = parameter(

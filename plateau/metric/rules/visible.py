@@ -57,9 +57,6 @@ class Visible(Rule):
     order: ClassVar[int] = 6
     featured: ClassVar[bool] = True
     continues: ClassVar[bool] = True  # every job's judge keeps one
-    stopped: ClassVar[str] = (
-        "the noise left is {noise_left}, by its own estimate, and you allowed {target}."
-    )
 
     #: Share of the pixels that may still differ visibly.
     target: float = parameter(

@@ -8,7 +8,6 @@ from fastapi import Depends, FastAPI
 
 from plateau.extensions import extensions
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations
@@ -142,7 +141,7 @@ def create_app(
     app.add_middleware(HeadAsGet)
     app.add_middleware(BodyLimit, most=checks.limits.max_bytes + ENVELOPE_BYTES)
     app.add_middleware(SayVersion)
-    app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
+    app.add_middleware(KeyGuard, keys=ApiKeys(client), access=access)
     app.add_middleware(LogFields)
     app.add_middleware(AnswerWhenCutOff)
     app.add_middleware(OneLength)

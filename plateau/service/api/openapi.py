@@ -25,7 +25,6 @@ _GUARDED: Final = documented(
     problems.FOREIGN_HOST,
     problems.FOREIGN_ORIGIN,
     problems.ROLE_TOO_LOW,
-    problems.TOO_MANY_REQUESTS,
 )
 _KEY: Final = "api_key"
 _KEYS: Final[dict[str, Any]] = {

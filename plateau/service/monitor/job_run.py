@@ -12,7 +12,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
-from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.fit import Crew
 from plateau.farm.model.shot import FrameWait
@@ -48,7 +47,6 @@ class JobRun:
         owners: Ownerships,
         store: Blobs,
         ahead: ReadAhead,
-        work: MonitorWork,
         denoising: Denoising,
         *,
         keeps_sums: bool,
@@ -57,7 +55,6 @@ class JobRun:
         self._jobs = jobs
         self._owners = owners
         self._blobs = store
-        self._work = work
         job = jobs.get(owned.job_id)
         self._image = JobImage(job.id, is_denoised=job.spec.is_denoised, denoising=denoising)
         self._judge = Judge(job.spec)
@@ -159,19 +156,16 @@ class JobRun:
     def _merge_slice(self) -> Known:
         """Merge the next slice, unless its partial is lost or damaged."""
         record = self._in_hand.popleft()
-        started = time.monotonic()
         partial = self._films.partial(record, self._known.plan)
         if partial is None:
             return self._known.with_slice_lost()
         self._merge.add_partial(partial)
-        self._work.merges.note(time.monotonic() - started)
         self._checkpoints.note(record.blob)
         return self._known.with_slice_merged()
 
     def _judge_image(self) -> Known:
-        with self._work.evaluations.timed():
-            denoised = self._image.of(self._merge)
-            judgement = self._judge.judge(self._merge, self._known.plan, denoised=denoised)
+        denoised = self._image.of(self._merge)
+        judgement = self._judge.judge(self._merge, self._known.plan, denoised=denoised)
         self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(

@@ -14,8 +14,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.shots import Shots
-from plateau.farm.ledger.totals import MonitorWork
-from plateau.farm.ledger.workers import Workers
+from plateau.farm.ledger.workers import MonitorLife, Workers
 from plateau.farm.model.errors import (
     BlobsUnavailable,
     FenceLost,
@@ -64,7 +63,7 @@ class Monitor:
         self._owners = Ownerships(client, settings.lease_s)
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = Ownerships(renewing, settings.lease_s)
-        self._work = MonitorWork(renewing, self.id, settings.lease_s)
+        self._life = MonitorLife(renewing, self.id, settings.lease_s)
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
         self._stop = Stop()
@@ -123,7 +122,7 @@ class Monitor:
         backoff = Backoff(*RETRY_S)
         while not self._stop.is_set():
             try:
-                self._work.heartbeat(0)
+                self._life.heartbeat(0)
             except StoreUnavailable as error:
                 _LOG.warning("%s", error)
                 self._stop.wait(backoff.delay_s())
@@ -218,7 +217,6 @@ class Monitor:
                     self._owners,
                     self._blobs,
                     self._ahead,
-                    self._work,
                     self._denoising,
                     keeps_sums=self._keeps_sums,
                 )
@@ -267,7 +265,7 @@ class Monitor:
             owned, began = tuple(self._owned.values()), time.monotonic()
             try:
                 self._renewals.renew(owned)
-                self._work.heartbeat(len(owned))
+                self._life.heartbeat(len(owned))
                 backoff.reset()
                 # The answers' time counts: where Redis is far, a lease would run out meanwhile.
                 wait_s = max(0.0, began + every_s - time.monotonic())
@@ -278,7 +276,7 @@ class Monitor:
     def _disown(self) -> None:
         try:
             self._owners.disown(tuple(self._owned.values()))
-            self._work.sign_off()
+            self._life.sign_off()
         except StoreUnavailable as error:
             _LOG.warning("%s", error)
 

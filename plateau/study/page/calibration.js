@@ -1,6 +1,6 @@
 // Questions to an observer about what a browser cannot measure: the size and distance of a pixel.
 
-import { drawing, h, setText } from "../shared/dom.js";
+import { h, setText } from "../shared/dom.js";
 import { three } from "../shared/figures.js";
 
 /** A bank card (ISO/IEC 7810 ID-1). */
@@ -74,7 +74,7 @@ function patch() {
   [canvas.width, canvas.height] = [Math.round(PATCH.width * scale), Math.round(PATCH.height * scale)];
   canvas.style.width = `${canvas.width / scale}px`;
   canvas.style.height = `${canvas.height / scale}px`;
-  const context = drawing(canvas);
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   const half = Math.round(canvas.width / 2);
   for (let row = 0; row < canvas.height; row += 1) {
     context.fillStyle = row % 2 ? "#fff" : "#000";

@@ -1,14 +1,12 @@
 // The dialog that makes an observer study of a job that kept its slices.
 
 import { get, send } from "../shared/api.js";
-import { openForm } from "../shared/dialogs.js";
+import { openDialog } from "../shared/dialogs.js";
 import { h, setText } from "../shared/dom.js";
-import { roughly, several, whole } from "../shared/figures.js";
-import { imagePixels, zoneSize } from "../shared/job_summary.js";
+import { several, whole } from "../shared/figures.js";
+import { zoneSize } from "../shared/job_summary.js";
+import { messageOf } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
-
-/** Seconds to read and add a pixel of a slice, roughly. */
-const A_PIXEL_S = 6e-8;
 
 /**
  * The button for it; null if the job does not allow a study.
@@ -36,33 +34,49 @@ async function ask(job, go) {
   const name = h("input", { id: "study-name", type: "text", maxlength: 200, value: job.name, required: true, autocomplete: "off" });
   const merging = h("p", { class: "hint", role: "status" });
   const progress = h("progress", { hidden: true, "aria-label": "Merging slices" });
-  openForm("Ask people what they see", "Make the study", [
+  const wrong = h("p", { class: "bad", role: "alert" });
+  const button = h("button", { type: "submit", class: "primary" }, "Make the study");
+  const dialog = openDialog("Ask people what they see", { onsubmit: make }, [
     h("p", {}, "Images of this job's first samples are shown beside a reference, to as many observers as you like."),
     field(name, "Name", ""),
     field(reference, "Reference", "A job of the same scene with another seed and more samples is best."),
     field(method, "Method", "The first stage shows the levels rising and falling, and suggests levels for the second."),
     field(levels, "Levels, in spp", `Multiples of ${whole(job.spec.slice_spp)} spp up to ${whole(job.spp)}, with commas between them. Leave this empty for the paper's levels, 1 % to 25 % of the reference.`),
-    progress, merging,
-  ], {
-    async send() {
+    progress, merging, wrong,
+    h("div", { class: "answers" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close"), button),
+  ]);
+
+  /** @param {SubmitEvent} event */
+  async function make(event) {
+    event.preventDefault();
+    waits(true);
+    try {
       const wanted = levels.value.split(/[, ]+/).filter(Boolean).map(Number);
       /** @type {Api.StudyView} */
       const study = await send("POST", "/v1/studies", {
         job_id: job.id, reference_job_id: reference.value || null, method: method.value,
         levels: wanted.length ? wanted : null, name: name.value,
       });
-      return () => go(study.links.page);
-    },
-    // The request merges all slices, which takes long: say how many, and how long.
-    wait(waits, button) {
-      const slices = slicesOf(job) + slicesOf(others.get(reference.value));
-      progress.hidden = !waits;
-      setText(button, waits ? "Merging…" : "Make the study");
-      setText(merging, waits
-        ? `Merging ${several(slices, "slice")}, about ${roughly(slices * A_PIXEL_S * imagePixels(job))}. You may leave this page: the list of studies shows the study once it is made.`
-        : "");
-    },
-  });
+      dialog.close();
+      go(study.links.page);
+    } catch (error) {
+      setText(wrong, messageOf(error));
+    }
+    waits(false);
+  }
+
+  /**
+   * The request merges all slices, which takes long.
+   * @param {boolean} busy
+   */
+  function waits(busy) {
+    const slices = slicesOf(job) + slicesOf(others.get(reference.value));
+    button.disabled = busy;
+    progress.hidden = !busy;
+    if (busy) setText(wrong, "");
+    setText(merging, busy ? `Merging ${several(slices, "slice")}. You may leave this page: the list of studies shows the study once it is made.` : "");
+  }
+
   /** @type {Api.JobPage} */
   const { jobs } = await get("/v1/jobs?limit=200").catch(() => ({ jobs: [] }));
   for (const other of jobs) {

@@ -2,7 +2,7 @@
 
 import { downloadLink, get, isProblem, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
-import { h, table } from "../shared/dom.js";
+import { h } from "../shared/dom.js";
 import { percent, several, whole } from "../shared/figures.js";
 import { attempt } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
@@ -60,7 +60,9 @@ export function open(main, { id, signal, go }) {
       h("h2", {}, `${several(result.finished, "observer")} finished${result.observers > result.finished ? `, ${result.observers - result.finished} under way` : ""} · ${several(result.answers, "answer")}`),
       ...thresholds(result),
       result.answers > 0 && studyPlot(result),
-      table("The answers at each level", ["spp", "shown", "difference seen", "share"], h("tbody", {}, result.levels.map(row))),
+      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The answers at each level" }, h("table", {},
+        h("thead", {}, h("tr", {}, ["spp", "shown", "difference seen", "share"].map((name) => h("th", { scope: "col" }, name)))),
+        h("tbody", {}, result.levels.map(row)))),
       h("div", { class: "files" },
         downloadLink(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
         h("span", {}, h("code", {}, "plateau study fit"), " reads and plots them")),

@@ -14,7 +14,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.images.view_transform import ViewTransform
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.process import log
@@ -198,15 +198,15 @@ class Uploader:
             notes=rendered.scene.notes,
             said=rendered.said,
         )
-        if answer is Committed.OVERLAP:
+        if answer == "overlap":
             self._queue.fail(
                 lease,
                 f"slice {lease.index} would repeat samples of another: its seeds overlap",
                 rendered.render_s,
                 rendered.said,
             )
-        if answer is not Committed.COMMITTED:
-            _LOG.info("the slice does not count: %s", answer.value)
+        if answer != "committed":
+            _LOG.info("the slice does not count: %s", answer)
             self._blobs.delete(name)
 
 

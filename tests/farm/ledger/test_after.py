@@ -81,7 +81,7 @@ def farm(client: redis.Redis) -> Farm:
 
 
 def no_gates(client: redis.Redis) -> bool:
-    return not client.keys(f"{keys.PREFIX}gate*") and not client.keys(f"{keys.PREFIX}job:*:after")
+    return not client.exists(keys.AWAITING) and not client.keys(f"{keys.PREFIX}job:*:after")
 
 
 @pytest.mark.parametrize("state", WELL)

@@ -10,13 +10,12 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
+from plateau.farm.model.errors import BatchNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from tests.support.farms.staged_job import StagedJob
 
-LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=100)
+LIMITS = KeyLimits(upload_bytes=1, open_jobs=100)
 
 
 @pytest.fixture
@@ -51,24 +50,6 @@ def test_each_can_follow_each(jobs: Jobs, deletions: Deletions, before: bool, af
     # A deleted job is in no batch, and comes back to its place in it
     assert ids(jobs, batch="b") == ([other] if after else [other, job])
     assert ids(jobs, batch="b", deleted=None) == [other, job]
-
-
-def test_only_what_has_ended_can_be_deleted(
-    client: redis.Redis, jobs: Jobs, deletions: Deletions
-) -> None:
-    job = StagedJob(client)
-    job.commit()
-    for deleted in (True, False):
-        with pytest.raises(JobNotEnded, match="is rendering: it has not ended"):
-            deletions.set(job.id, deleted=deleted)
-        with pytest.raises(JobNotFound):
-            deletions.set("0" * 12, deleted=deleted)
-    # From its end on, even while its images are being written
-    job.end()
-    deletions.set(job.id, deleted=True)
-    assert jobs.get(job.id).deleted_at is not None
-    job.finish()
-    assert jobs.get(job.id).finished_at is not None
 
 
 class TestABatch:

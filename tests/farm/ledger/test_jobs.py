@@ -4,7 +4,7 @@ import pytest
 import redis
 
 from plateau.farm.ledger.jobs import Created, Jobs
-from plateau.farm.model.errors import JobNotFound, StoreUnavailable
+from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.commands.sweeps import Forget
@@ -22,17 +22,6 @@ def create(jobs: Jobs, **spec: object) -> str:
     return jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job.id
 
 
-def test_a_new_job_waits(jobs: Jobs) -> None:
-    job = jobs.get(create(jobs))
-    assert (job.state, job.reason, job.spp, job.points) == (
-        JobState.QUEUED,
-        "waiting for a worker",
-        0,
-        0,
-    )
-    assert (job.variant, job.started_at, job.verdict) == (None, None, None)
-
-
 def test_queued_jobs_have_places_by_priority_and_then_by_age(
     jobs: Jobs, client: redis.Redis
 ) -> None:
@@ -41,20 +30,6 @@ def test_queued_jobs_have_places_by_priority_and_then_by_age(
     StagedJob(client, create(jobs, priority=10)).commit()  # which is rendering
     jobs.cancel(ended)
     assert jobs.places() == {urgent: 1, first: 2, second: 3, last: 4}
-
-
-def test_an_idempotency_key_creates_one_job(jobs: Jobs) -> None:
-    def create_with(key: str, digest: str) -> tuple[str, bool, bool]:
-        made = jobs.create(
-            JobSpec(), name="box", scene_sha256="00", idempotency_key=key, digest=digest
-        )
-        return made.job.id, made.repeated, made.conflict
-
-    first, *new = create_with("k", "a")
-    assert new == [False, False]
-    assert create_with("k", "a") == (first, True, False)
-    assert create_with("k", "b") == (first, False, True)
-    assert create_with("other", "a")[0] != first
 
 
 def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
@@ -73,13 +48,6 @@ def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
     new = create_once()
     assert (new.repeated, new.conflict, new.job.state) == (False, False, JobState.QUEUED)
     assert create_once().job.id == new.job.id != job.id
-
-
-def test_an_unknown_job_is_said_to_be_unknown(jobs: Jobs) -> None:
-    with pytest.raises(JobNotFound, match="'nope'"):
-        jobs.get("nope")
-    with pytest.raises(JobNotFound):
-        jobs.cancel("nope")
 
 
 def test_a_redis_that_is_away_is_one_clear_error() -> None:

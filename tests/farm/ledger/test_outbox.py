@@ -70,15 +70,6 @@ def test_it_is_there_once_the_job_is_done(client: redis.Redis, outbox: Outbox) -
     assert outbox.take(LEASE_S) is None
 
 
-@pytest.mark.parametrize("end", [state for state in JobState if state.ended])
-def test_it_has_the_job_as_it_ended(client: redis.Redis, outbox: Outbox, end: JobState) -> None:
-    job = done(client, end)
-    found = taken(outbox)
-    assert found.job == Jobs(client).get(job.id)
-    assert (found.job.state, found.job.reason) == (end, "for a reason")
-    assert (found.url, found.secret, found.batch) == (URL, SECRET, None)
-
-
 def test_who_asks_for_none_has_none(client: redis.Redis, outbox: Outbox) -> None:
     job = done(client, url=None)
     assert Jobs(client).get(job.id).notices == ()
@@ -94,23 +85,6 @@ def test_a_url_and_each_target_have_their_own(client: redis.Redis, outbox: Outbo
     states = {one.to: one.state for one in Jobs(client).get(job.id).notices}
     assert states.pop(found[0].receiver) == "delivered"
     assert [*states.values()] == ["waiting", "waiting"]
-
-
-def test_targets_hear_of_a_whole_batch_and_of_what_failed(
-    client: redis.Redis, outbox: Outbox
-) -> None:
-    asked = {"url": URL, "secret": SECRET, "targets": ["ops"]}
-    first, second, third = (StagedJob(client, batch="walk", notice=asked) for _ in range(3))
-    second.end(JobState.FAILED, "no such plugin")
-    second.finish()
-    for job in (first, third):
-        job.end(JobState.CANCELLED, "not needed")
-        job.finish()
-    told = [[one.to for one in Jobs(client).get(job.id).notices] for job in (first, second, third)]
-    assert told == [[STUDIO], [STUDIO, "ops"], [STUDIO, "ops"]]
-    batches = {one.job_id: one.batch for one in (taken(outbox) for _ in range(5))}
-    assert batches[first.id] is batches[second.id] is None
-    assert batches[third.id] == {"cancelled": 2, "failed": 1}
 
 
 def test_it_is_leased_to_one_and_comes_back(client: redis.Redis, outbox: Outbox) -> None:
@@ -141,29 +115,6 @@ def test_who_delivered_it_is_believed_though_his_lease_ran_out(
     assert notice(client, job).state == "delivered"
     assert outbox.take(LEASE_S) is None
     assert client.exists(keys.NOTICES) == 0
-
-
-def test_what_failed_is_due_later(client: redis.Redis, outbox: Outbox) -> None:
-    job = done(client)
-    outbox.settle(taken(outbox), "failed", "the receiver answered 500", 60.0)
-    waiting = notice(client, job)
-    assert (waiting.state, waiting.error) == ("waiting", "the receiver answered 500")
-    assert outbox.take(LEASE_S) is None
-    time_passes(client)
-    second = taken(outbox)
-    assert second.tries == 2
-    outbox.settle(second, "given-up", "gone")
-    given_up = notice(client, job)
-    assert (given_up.state, given_up.error) == ("given-up", "gone")
-    assert given_up.at > waiting.at
-    assert outbox.take(LEASE_S) is None
-
-
-def test_a_busy_receiver_is_left_alone(client: redis.Redis, outbox: Outbox) -> None:
-    first, other = done(client), done(client, url="https://lab.example/x")
-    found = taken(outbox, busy=(STUDIO,))
-    assert (found.job_id, found.receiver) == (other.id, "https://lab.example:443")
-    assert taken(outbox).job_id == first.id
 
 
 def test_nothing_stays_of_a_job_that_is_forgotten(client: redis.Redis, outbox: Outbox) -> None:

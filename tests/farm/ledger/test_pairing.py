@@ -36,6 +36,11 @@ def test_another_store_is_refused(client: redis.Redis, store: Blobs, tmp_path: P
 
 
 def test_a_redis_that_lost_its_data_is_refused(client: redis.Redis, store: Blobs) -> None:
+    # Also where the blobs were never marked
+    store.put("jobs/0123456789ab/results/1/image.png", b"x")
+    with pytest.raises(WrongStore, match="has lost its data"):
+        check_pair(client, store)
+    store.delete("jobs/0123456789ab/results/1/image.png")
     check_pair(client, store)
     client.flushall()
     with pytest.raises(WrongStore, match="has lost its data"):

@@ -12,11 +12,11 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.schema import await_checks, check_schema
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Incompatible, StoreUnavailable
-from plateau.farm.redis import keys, scripts
+from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
-from tests.support.redis.redis_commands import named
+from tests.support.redis.redis_commands import commands, named
 
 
 def test_an_empty_redis_gets_the_version(client: redis.Redis) -> None:
@@ -59,7 +59,7 @@ def test_another_version_is_refused_and_left_alone(
 def test_every_command_looks_first(client: redis.Redis) -> None:
     client.set(keys.SCHEMA, "0")
     runner = Scripts(client)
-    for name in scripts.commands():
+    for name in commands():
         with pytest.raises(Incompatible, match="has layout 0"):
             runner.run(named(name))
     assert client.keys("*") == [keys.SCHEMA]

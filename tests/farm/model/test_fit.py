@@ -15,8 +15,8 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-from tests.farm.ledger.test_workers import about as described
 from tests.support.farms.ledger_farm import LedgerFarm
+from tests.support.farms.ledger_farm import about as described
 
 LLVM = ("llvm_ad_rgb", "scalar_rgb")
 
@@ -66,37 +66,8 @@ def farm(client: redis.Redis) -> Farm:
     return Farm(client)
 
 
-class TestALease:
-    """A worker is given the jobs of its pool that require no tag which it has not."""
-
-    def test_only_a_worker_that_fits_is_woken(self, farm: Farm) -> None:
-        stop = Stop()
-        wakes = {}
-        for name, tags in (("plain", ()), ("gpu", ("gpu",)), ("other", ("gpus",))):
-            wakes[name] = Wake(farm.client, keys.wake_worker(name))
-            wakes[name].wait(0.0, stop)
-            assert farm.queue(name, *tags).lease(LLVM, None, in_turn=False) is None
-        farm.made(requires=("gpu",))
-        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"gpu"}
-
-
 class TestLeftOut:
     """A worker on which a slice of a job dies leaves its slices to others for a while."""
-
-    def test_it_gets_other_jobs_meanwhile(self, farm: Farm) -> None:
-        def given(worker: str, loaded: str | None = None) -> str:
-            lease = farm.queue(worker).lease(LLVM, loaded, in_turn=loaded is not None)
-            return "" if lease is None else lease.job_id
-
-        for name in ("west", "east"):
-            farm.lives(name)
-        first, second = farm.made(priority=5), farm.made()
-        farm.dies("west", first)
-        # Also where it has loaded the job's scene
-        assert given("west") == given("west", first.id) == second.id
-        assert given("east") == first.id
-        farm.relents("west")
-        assert given("west") == first.id
 
     def test_it_is_not_woken_and_others_are(self, farm: Farm) -> None:
         stop, wakes = Stop(), {}
@@ -171,9 +142,6 @@ class TestWords:
             "waits for a worker that renders cuda_ad_rgb in pool night: there is none that takes "
             "work"
         )
-
-    def test_any_at_all(self, farm: Farm) -> None:
-        assert farm.words(farm.made()) == "waits for a worker: there is none that takes work"
 
     def test_not_where_it_is_not_to_be_rendered(self, farm: Farm) -> None:
         job = farm.made()

@@ -118,13 +118,6 @@ def test_nothing_that_is_wrong_anywhere_is_told_in_words_of_pydantic(
     assert [words for words in told if JARGON.search(words)] == []
 
 
-def test_a_check_of_our_own_speaks_for_itself() -> None:
-    with pytest.raises(ValidationError) as refusal:
-        JobSpec.model_validate({"min_spp": 300, "max_spp": 200})
-    [one] = refusal.value.errors()
-    assert input_errors.message(one).startswith("min_spp must not be above max_spp")
-
-
 def test_a_setting_that_is_wrong_is_told_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLATEAU_LEASE_S", "s3cret")
     with pytest.raises(ValidationError) as refusal:

@@ -33,14 +33,6 @@ def test_passes_are_descending_powers_of_two_that_sum_to_the_slice(slice_spp, la
     assert all(a >= b for a, b in pairwise(parts))
 
 
-@pytest.mark.parametrize(
-    ("slice_spp", "largest", "expected"),
-    [(25, 16, (16, 8, 1)), (25, 4, (4,) * 6 + (1,)), (50, 32, (32, 16, 2)), (1, 1, (1,))],
-)
-def test_passes_of_known_slices(slice_spp, largest, expected):
-    assert single_call_passes(slice_spp, largest) == expected
-
-
 @pytest.mark.parametrize(("slice_spp", "largest"), [(0, 1), (1, 0), (-3, 4)])
 def test_a_slice_has_samples(slice_spp, largest):
     with pytest.raises(ValueError, match="at least 1"):

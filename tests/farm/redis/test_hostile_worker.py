@@ -11,7 +11,7 @@ from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import NotPermitted
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -75,7 +75,7 @@ def test_a_prefix_that_cannot_grow_ends_nevertheless(
     for spelt in (number, "9.007199254741e+15", "-9.007199254741e+15", "1e+300", "-1e+300"):
         worker.hset(keys.job(job.job_id, "ledger"), spelt, "{}")
     # Then a commit is answered, and the first slice that is missing holds the image up
-    assert commit(queue, first) is Committed.COMMITTED
+    assert commit(queue, first) == "committed"
     assert worker.hget(keys.job(job.job_id), "prefix") == "1"
 
 
@@ -87,7 +87,7 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
     queue = SliceQueue(worker, WORKER, LEASE_S)
     for blob in ("one", "two"):
         lease = leased(queue)
-        assert commit(queue, lease, blob) is Committed.COMMITTED
+        assert commit(queue, lease, blob) == "committed"
     owners.end(job, JobState.CONVERGED, "rule", "levelled off", None, "")
     owners.finish(job, keeps_sums=False)
     worker.hset(keys.job(job.job_id), "planned", number)
@@ -164,7 +164,7 @@ def test_the_administrator_ends_a_script_that_does_not_end(
 
 def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     # Given a job of Anna's, one of nobody's, and a worker that is Bert's
-    limits = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=None, open_jobs=None)
+    limits = KeyLimits()
     api_keys = ApiKeys(login("admin"))
     anna, bert = (api_keys.create(name, Role.SUBMITTER, limits)[0].id for name in ("anna", "bert"))
     jobs = Jobs(login("api"))

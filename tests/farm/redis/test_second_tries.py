@@ -4,7 +4,7 @@ import pytest
 import redis
 
 from plateau.farm.ledger.ownership import Ownership
-from plateau.farm.ledger.queue import Committed, Lease
+from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Job
 from plateau.farm.process.waits import Stop
@@ -34,7 +34,7 @@ class Farm(LedgerFarm):
         found = self.lease(worker)
         return None if found is None else found.index
 
-    def commit(self, worker: str, held: Lease | None = None) -> Committed:
+    def commit(self, worker: str, held: Lease | None = None) -> str:
         held = held or self.held[worker]
         blob = f"{held.index}-{worker}-{held.tries}"
         return commit(self.worker(worker), held, worker=worker, blob=blob)
@@ -86,7 +86,7 @@ def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
     news.wait(0.0, Stop())
     slow = farm.held["slow"]
     assert farm.index("quick") == 0
-    assert farm.commit("quick") is Committed.COMMITTED
+    assert farm.commit("quick") == "committed"
     # The slow worker hears of its own slice at once, and by its next heartbeat at the latest
     assert news.wait(5.0, Stop()) == {f"ended {job.id} {slow.entry}"}
     assert farm.worker("slow").heartbeat({}, (slow,)) == (slow,)
@@ -124,8 +124,8 @@ def test_where_the_late_one_is_first_after_all_the_second_try_is_waste(farm: Far
     second = farm.lease("quick")
     assert second is not None
     assert second.tries == 2  # so that its partial has a name of its own
-    assert farm.commit("slow", slow) is Committed.COMMITTED
-    assert farm.commit("quick", second) is Committed.DUPLICATE
+    assert farm.commit("slow", slow) == "committed"
+    assert farm.commit("quick", second) == "duplicate"
     assert farm.jobs.ledger(job.id)[0]["worker"] == "slow"
     assert farm.jobs.get(job.id).wasted_s == 1.5
 
@@ -198,8 +198,8 @@ def test_a_second_try_that_is_given_back_goes_to_the_next(farm: Farm) -> None:
     farm.worker("quick").hand_back(farm.held["quick"])
     assert farm.index("another") == 0
     assert farm.index("third") is None
-    assert farm.commit("another") is Committed.COMMITTED
-    assert farm.commit("slow") is Committed.DUPLICATE
+    assert farm.commit("another") == "committed"
+    assert farm.commit("slow") == "duplicate"
 
 
 def test_an_index_that_says_what_is_not_so_is_made_afresh(farm: Farm) -> None:

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
-from tests.page.job.test_job import is_shown, png
+from tests.page.job.conftest import is_shown, png
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 
@@ -35,13 +35,6 @@ def files_are(page: Page, *names: str) -> None:
     expect(page.locator(".files a")).to_have_text(list(names))
 
 
-def ask_to_cancel(page: Page) -> str:
-    page.get_by_role("button", name="Cancel").click()
-    asked = page.get_by_role("dialog").inner_text()
-    page.get_by_role("button", name="Keep it").click()
-    return asked
-
-
 def test_files_are_listed_as_they_come(visit: Visit, farm: NoiseFarm, job: Job) -> None:
     page = visit(f"/jobs/{job.id}", expected={404}).page
     expect(page.locator(".files")).to_have_text("They come with its first samples.")
@@ -65,19 +58,6 @@ def test_a_job_that_ended_without_an_image_says_so(visit: Visit, farm: NoiseFarm
         expect(nothing).to_have_text("The job ended without an image.")
         expect(files).to_have_text("It ended without any.")
         page.reload()
-
-
-def test_cancelling_says_what_stays(visit: Visit, farm: NoiseFarm, job: Job) -> None:
-    page = visit(f"/jobs/{job.id}", expected={404}).page
-    # A first pass is seen, and is nothing that stays
-    lease = farm.next_lease()
-    farm.glimpse(lease, 4)
-    expect(page.locator(".caption")).to_contain_text("4 spp")
-    assert "No slice of it has been rendered yet" in ask_to_cancel(page)
-    # What was rendered since then counts
-    farm.commit(lease)
-    expect(page.locator(".caption")).to_contain_text("25 spp")
-    assert "It keeps the image that it has by then, at 25 spp" in ask_to_cancel(page)
 
 
 class TestDifference:

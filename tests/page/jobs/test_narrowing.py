@@ -1,4 +1,4 @@
-"""The list of jobs, searched and sorted, in a real browser."""
+"""The list of jobs, searched and filtered, in a real browser."""
 
 import re
 
@@ -56,22 +56,3 @@ def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[s
     page.get_by_role("combobox", name="Batch").select_option("dusk")
     expect(page).to_have_url(re.compile(r"\?batch=dusk$"))
     expect(names(page)).to_have_text(["frame-10"])
-
-
-def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) -> None:
-    page = visit("/?search=frame").page
-    order = page.get_by_role("combobox", name="Order")
-    for words, found in (
-        ("by name", ["frame-9", "frame-10"]),
-        ("oldest first", ["frame-10", "frame-9"]),
-        ("highest priority first", ["frame-9", "frame-10"]),
-    ):
-        order.select_option(words)
-        expect(names(page)).to_have_text(found)
-    expect(page).to_have_url(re.compile(r"\?search=frame&sort=priority$"))
-    # It is still there after a look at a job
-    page.get_by_role("link", name="frame-9").click()
-    expect(page).to_have_url(re.compile(jobs["frame-9"]))
-    page.go_back()
-    expect(order).to_have_value("priority")
-    expect(names(page)).to_have_text(["frame-9", "frame-10"])

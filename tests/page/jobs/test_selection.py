@@ -42,13 +42,15 @@ def test_a_priority_for_some_and_a_pause_for_those_that_render(
     expect(bar).to_contain_text("3 jobs selected")
     bar.get_by_label("Priority").fill("7")
     bar.get_by_role("button", name="Set").click()
-    expect(page.get_by_role("status").filter(has_text="Priority 7: 3 jobs")).to_have_count(1)
+    expect(page.get_by_role("status").filter(has_text="3 jobs are given priority 7")).to_have_count(
+        1
+    )
     assert [farm.jobs.get(job.id).spec.priority for job in jobs] == [7, 7, 7, 0]
     bar.get_by_role("button", name="Select all 4").click()
     bar.get_by_role("button", name="Pause").click()
-    expect(page.get_by_role("status").filter(has_text="Paused: 1 job")).to_have_count(1)
+    expect(page.get_by_role("status").filter(has_text="one is paused")).to_have_count(1)
     bar.get_by_role("button", name="Resume").click()
-    expect(page.get_by_role("status").filter(has_text="Resumed: 1 job")).to_have_count(1)
+    expect(page.get_by_role("status").filter(has_text="one is resumed")).to_have_count(1)
     assert states(farm, jobs) == [JobState.QUEUED] * 3 + [JobState.RENDERING]
     bar.get_by_role("button", name="Clear").click()
     expect(bar).to_be_hidden()
@@ -66,7 +68,7 @@ def test_some_are_cancelled_by_keyboard_alone(
     page.keyboard.press("Enter")
     page.get_by_role("button", name="Cancel 2 jobs").focus()
     page.keyboard.press("Enter")
-    expect(page.get_by_role("status").filter(has_text="Cancelled: 2 jobs")).to_have_count(1)
+    expect(page.get_by_role("status").filter(has_text="2 jobs are cancelled")).to_have_count(1)
     assert states(farm, jobs) == [
         JobState.CANCELLED,
         JobState.QUEUED,
@@ -78,7 +80,8 @@ def test_some_are_cancelled_by_keyboard_alone(
     expect(bar).to_contain_text("2 jobs selected")
     expect(bar.get_by_role("button", name="Cancel…")).to_be_hidden()
     expect(bar.get_by_label("Priority")).to_be_hidden()
-    bar.get_by_role("button", name="Delete").press("Enter")
+    bar.get_by_role("button", name="Delete…").press("Enter")
+    page.get_by_role("button", name="Delete 2 jobs").press("Enter")
     # The bar goes with its last job
     expect(bar).to_have_count(0)
     expect(page.locator("main")).to_be_focused()

@@ -20,9 +20,8 @@ def test_a_shot_is_looked_at_from_its_first_frame_to_its_judgement(
     visit: Visit, farm: NoiseFarm
 ) -> None:
     specs = BatchSpec.model_validate(SHOT).job_specs("walk")
-    farm.jobs.create_all(specs, name="walk", scene_sha256="00")
+    farm.jobs.create(*specs, name="walk", scene_sha256="00")
     page = visit().page
-    page.get_by_role("button", name="Actions for the batch walk").click()
     page.get_by_role("button", name="Look at the shot").click()
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("3 frames at 24 per second. Its frames are being rendered")

@@ -16,7 +16,7 @@ from plateau.farm.model.job import Job
 from plateau.study.client import StudyCalls
 from plateau.study.model import Screen
 from tests.page.conftest import Visit
-from tests.page.job.test_job import is_shown, png
+from tests.page.job.conftest import is_shown, png
 from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
@@ -156,16 +156,16 @@ def test_a_known_threshold_comes_back(
     ).screen == Screen(viewing_distance_cm=70.0, pixel_pitch_mm=0.2, gamma_matches=True)
 
 
-def test_making_one_says_how_long_it_takes(visit: Visit, job: Job, reference: Job) -> None:
+def test_making_one_says_what_it_waits_for(visit: Visit, job: Job, reference: Job) -> None:
     page = visit(f"/jobs/{job.id}", bypass_csp=True).page
     page.route("**/v1/studies", lambda route: None)  # which answers nothing
     page.get_by_role("button", name="Study…").click()
     dialog = page.get_by_role("dialog")
     dialog.get_by_label("Reference", exact=True).select_option(reference.id)
     dialog.get_by_role("button", name="Make the study").click()
-    expect(dialog.get_by_role("status")).to_contain_text("Merging 75 slices, about 5\u00a0s.")
+    expect(dialog.get_by_role("status")).to_contain_text("Merging 75 slices.")
     expect(dialog.get_by_role("progressbar")).to_be_visible()
-    expect(dialog.get_by_role("button", name="Merging…")).to_be_disabled()
+    expect(dialog.get_by_role("button", name="Make the study")).to_be_disabled()
     assert violations(page) == []
 
 

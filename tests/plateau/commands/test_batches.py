@@ -358,7 +358,7 @@ class TestTheCommandLine:
         # Given a batch, whose frames were fetched, and another
         jobs = Jobs(client)
         for name in ("walk", "run"):
-            made = jobs.create_all([JobSpec(batch=name)] * 2, name=name, scene_sha256="00")
+            made = jobs.create(*[JobSpec(batch=name)] * 2, name=name, scene_sha256="00")
             for job in jobs.search(batch=name)[0]:
                 end(client, store, job.id, JobState.CONVERGED)
         frames, single = tmp_path / "frames", tmp_path / "single"
@@ -391,9 +391,7 @@ class TestTheCommandLine:
     def test_says_by_its_exit_code_how_it_ended(
         self, client: redis.Redis, store: Blobs, ends: list[JobState], code: int
     ) -> None:
-        made = Jobs(client).create_all(
-            [JobSpec(batch="w")] * len(ends), name="w", scene_sha256="00"
-        )
+        made = Jobs(client).create(*[JobSpec(batch="w")] * len(ends), name="w", scene_sha256="00")
         assert made.job.spec.batch == "w"
         for job, state in zip(Jobs(client).search(batch="w")[0][::-1], ends, strict=True):
             end(client, store, job.id, state)

@@ -21,7 +21,7 @@ from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.wire.job_text import share_of
 from plateau.service.api.process import listen
-from tests.farm.ledger.test_workers import about
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene

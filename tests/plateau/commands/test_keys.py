@@ -22,7 +22,7 @@ from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"
 SHOWN = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})\n")
-PLENTY = KeyLimits(requests_per_minute=1e6, burst=1000, upload_bytes=None, open_jobs=None)
+PLENTY = KeyLimits()
 
 Say = Callable[..., tuple[str, str]]
 Start = Callable[..., Command]
@@ -70,7 +70,6 @@ class TestTheCommands:
         [listed] = json.loads(say("keys", "list", "--json")[0])
         assert (listed["id"], listed["name"], listed["role"]) == (shown[1], "me", "admin")
         assert listed["limits"]["open_jobs"] == 7
-        assert listed["limits"]["requests_per_minute"] == 1200
         assert "sha256" not in listed
         line = say("keys", "list")[0]
         assert line.split("\t")[:3] == [shown[1], "me", "admin"]
@@ -83,14 +82,12 @@ class TestTheCommands:
         assert json.loads(say("keys", "list", "--json")[0])[0]["revoked_at"] is not None
 
     def test_take_their_limits_from_options(self, say: Say) -> None:
-        options = ("--burst", "9", "--upload-gb", "0.5")
+        options = ("--open-jobs", "9", "--upload-gb", "0.5")
         document = json.loads(say("keys", "create", "me", "--json", *options)[0])
         assert SHOWN.fullmatch(document["key"] + "\n")
         assert document["limits"] == {
-            "requests_per_minute": 1200.0,
-            "burst": 9,
             "upload_bytes": 2**29,
-            "open_jobs": 10_000,
+            "open_jobs": 9,
             "scenes_bytes": 50 * 2**30,
         }
 
@@ -130,7 +127,7 @@ class TestTheCommands:
         ("arguments", "words"),
         [
             (("create", "me", "--role", "king"), "there is no role 'king'; there are viewer, sub"),
-            (("create", "me", "--burst", "0"), "--burst: must be at least 1"),
+            (("create", "me", "--open-jobs", "0"), "--open-jobs: must be at least 1"),
             (("create", "me", "--upload-gb", "0"), "--upload-gb: must be above 0"),
             (("create", ""), "a key's name has 1 to 100 printable characters"),
             (("create", "a\nb"), "a key's name has"),

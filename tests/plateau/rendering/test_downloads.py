@@ -49,12 +49,11 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 class TestSlices:
-    def test_of_which_there_are_more_than_a_key_may_ask_for_at_once(
+    def test_are_all_fetched(
         self, farm: NoiseFarm, client: redis.Redis, redis_url: str, tmp_path: Path
     ) -> None:
-        # Given more slices than the key's burst
         job = job_with_slices(farm)
-        limits = KeyLimits(requests_per_minute=600, burst=4, upload_bytes=None, open_jobs=None)
+        limits = KeyLimits()
         _, shown = ApiKeys(client).create("me", Role.VIEWER, limits)
         # When they are fetched
         with live_api(redis_url, farm.store) as url, Client(url, key=shown) as plateau:

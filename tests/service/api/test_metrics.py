@@ -11,12 +11,11 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.totals import note_sweep, take_census
+from plateau.farm.ledger.totals import note_sweep
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.live_api import live_http
-from tests.support.farms.noise_farm import SIZE, NoiseFarm
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until
 
@@ -99,26 +98,6 @@ def test_no_series_comes_twice_and_each_is_explained(http: httpx.Client, busy: S
         assert family.type in {"gauge", "counter", "histogram"}
         assert family.documentation.endswith(".")
     assert len({family.name for family in families}) == len(families)
-
-
-def test_the_monitors_tell_of_merges_and_evaluations(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    farm = NoiseFarm(client, redis_url, tmp_path)
-    job = farm.submit(step=20, slice_spp=10, max_spp=40, rule={"name": "fixed", "spp": 40})
-    with farm.monitor() as monitor:
-        farm.finish(job)
-        until(
-            lambda: take_census(farm.client).monitors,
-            complaint=lambda: f"{monitor.id} was never heard of",
-        )
-    # A monitor that stops reports all that it did
-    census = take_census(farm.client)
-    assert census.merges.buckets[-1][1] == 4
-    assert census.evaluations.buckets[-1][1] == farm.jobs.get(job.id).points == 2
-    assert census.evaluations.sum_s > 0
-    assert census.samples >= 40 * SIZE[0] * SIZE[1]
-    assert census.monitors == 0
 
 
 class TestRequests:

@@ -13,8 +13,8 @@ from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import SPARE, LookAhead, enough
-from tests.farm.ledger.test_workers import about
 from tests.service.monitor.decided_job import made_job
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
 

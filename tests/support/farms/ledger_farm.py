@@ -6,7 +6,7 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
@@ -68,6 +68,23 @@ def record_of(held: Lease, *, first_seed: int | None = None, **other: object) ->
     return SliceRecord.model_validate({**known, **other})
 
 
-def commit(queue: SliceQueue, held: Lease, *, said: str = "", **record: Any) -> Committed:
+def commit(queue: SliceQueue, held: Lease, *, said: str = "", **record: Any) -> str:
     made = record_of(held, **record)
     return queue.commit(held, made, width=8, height=4, notes=("a note",), said=said)
+
+
+def about(name: str) -> dict[str, object]:
+    """What a worker of this name says of itself."""
+    return {
+        "id": name,
+        "host": "here",
+        "pid": 1,
+        "variants": ("scalar_rgb",),
+        "threads": 1,
+        "job": None,
+        "slice": None,
+        "slices_done": 0,
+        "samples_per_s": None,
+        "last_error": None,
+        "started_at": "2026-11-21T08:00:00Z",
+    }

@@ -20,7 +20,7 @@ from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedRange
 from plateau.farm.model.slices.rounds import slice_zones
@@ -154,7 +154,7 @@ class NoiseFarm:
         aovs = () if self.blind else lease.spec.slice_aovs(lease.index)
         return ramp(self.sigma, aovs, alpha=self.alpha)
 
-    def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
+    def commit(self, lease: Lease, film: Pixels | None = None) -> str:
         spp = lease.spp
         if film is None:
             film = self.film(lease)
@@ -173,7 +173,7 @@ class NoiseFarm:
             render_s=0.01,
         )
         answer = self.queue.commit(lease, record, width=self.size[1], height=self.size[0], notes=())
-        if answer is Committed.ENDED:  # as a worker does
+        if answer == "ended":  # as a worker does
             self.store.delete(name)
         return answer
 

@@ -143,8 +143,7 @@ def check_job(
 
 def is_of_no_job(key: str) -> bool:
     """Whether Redis may keep the key when there is no job any more."""
-    is_allowance = key.startswith("plateau:key:") and key.endswith(":rate")
-    return is_allowance or key in _OF_THE_FARM or key.startswith(_FOR_A_WHILE)
+    return key in _OF_THE_FARM or key.startswith(_FOR_A_WHILE)
 
 
 def _check_ledger(jobs: Jobs, job_id: str) -> None:

@@ -7,25 +7,25 @@ from typing import Any, Final
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.batches import Batches, Steer
-from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.continuation import Continuations, Remains
 from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.outbox import Outbox, Taken
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
-from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.shots import Shots
-from plateau.farm.ledger.totals import MonitorWork, note_sweep
-from plateau.farm.ledger.workers import Workers
+from plateau.farm.ledger.shots import ShotRecord, Shots
+from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.ledger.workers import MonitorLife, Workers
 from plateau.farm.model.errors import FenceLost
-from plateau.farm.model.job import utc_now
+from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.shot import FrameAnswer, FrameWait, ShotLook
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.members import Pair
 from plateau.farm.redis.commands.notices import NoteTold, NoteTroubles
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
@@ -38,6 +38,7 @@ WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0
 NOTICE: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "secret": SECRET}
 SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
+SCENE: Final = "c" * 64
 RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
 SHA256: Final = {"image.png": "ab" * 32, "image.exr": "cd" * 32}
 ABOUT: Final[dict[str, Any]] = {"id": WORKER, "variants": ["scalar_rgb"]}
@@ -59,7 +60,7 @@ class World:
 
     def __init__(self, direct: redis.Redis, lossy: redis.Redis) -> None:
         self.direct, self.lossy = direct, lossy
-        self.jobs, self.outbox, self.allowance = Jobs(lossy), Outbox(lossy), Allowance(lossy)
+        self.jobs, self.outbox = Jobs(lossy), Outbox(lossy)
         self.workers, self.keys = Workers(lossy), ApiKeys(lossy)
         self.owners = Ownerships(lossy, LEASE_S)
         self.queue = SliceQueue(lossy, WORKER, LEASE_S)
@@ -83,6 +84,10 @@ class World:
     def leased(self, **spec: Any) -> Lease:
         """A slice that the worker has leased."""
         self.job(**spec)
+        return self.another()
+
+    def another(self) -> Lease:
+        """The next slice that the worker has leased."""
         lease = SliceQueue(self.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
         assert lease is not None
         return lease
@@ -90,8 +95,13 @@ class World:
     def committed(self, **spec: Any) -> Lease:
         """A slice that was committed by the worker."""
         lease = self.leased(**spec)
-        assert commit(SliceQueue(self.direct, WORKER, LEASE_S), lease) is Committed.COMMITTED
+        assert commit(SliceQueue(self.direct, WORKER, LEASE_S), lease) == "committed"
         return lease
+
+    def ended(self) -> None:
+        """A job that has reached its cap with one slice."""
+        self.committed()
+        Ownerships(self.direct, LEASE_S).end(self.owned, JobState.EXHAUSTED, "cap", "the cap")
 
     def finished(self, **spec: Any) -> str:
         """A job that converged with one slice, and is done with."""
@@ -102,6 +112,19 @@ class World:
         owners.finish(self.owned, keeps_sums=True)
         return job
 
+    def taken(self) -> Taken:
+        """A notice that is leased."""
+        self.finished(notice=NOTICE)
+        taken = Outbox(self.direct).take(LEASE_S)
+        assert taken is not None
+        return taken
+
+    def scene_in_use(self) -> None:
+        SceneIndex(self.direct).use(SCENE)
+
+    def run(self, command: Command[Any]) -> Any:
+        return Scripts(self.lossy).run(command)
+
     def lease(self, lease_s: float) -> Lease | None:
         return SliceQueue(self.lossy, WORKER, lease_s).lease(("scalar_rgb",), None, in_turn=False)
 
@@ -111,11 +134,8 @@ class World:
     def acquire(self, job: str, lease_s: float) -> Ownership | None:
         return Ownerships(self.lossy, lease_s).acquire(job)
 
-    def api_key(self, burst: int) -> ApiKey:
-        limits = KeyLimits(
-            requests_per_minute=burst, burst=burst, upload_bytes=None, open_jobs=None
-        )
-        return ApiKeys(self.direct).create("a key", Role.SUBMITTER, limits)[0]
+    def api_key(self) -> ApiKey:
+        return ApiKeys(self.direct).create("a key", Role.SUBMITTER, KeyLimits())[0]
 
 
 CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
@@ -123,7 +143,7 @@ CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
 
 def commit(
     queue: SliceQueue, lease: Lease, blob: str = "a partial", seeds: tuple[int, int] | None = None
-) -> Committed:
+) -> str:
     first, last = seeds or (lease.index * 10, lease.index * 10 + 9)
     record = SliceRecord(
         index=lease.index,
@@ -142,7 +162,8 @@ def commit(
 class Case:
     """A write."""
 
-    prepare: Callable[[World], Callable[[], object]]  #: returns the write itself
+    prepare: Callable[[World], Any]
+    write: Callable[[World, Any], object]  #: the write itself, of what `prepare` has returned
     is_answered: Callable[[object], bool]  #: whether this is what the one who repeats it should get
     answers_before: int = 0  #: to what it reads first
     writes_only_times: bool = False
@@ -151,7 +172,7 @@ class Case:
 CASES: dict[str, Case] = {}
 
 #: Commands that do something more when they are repeated: each has a test of its own.
-REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_notice", "take"})
+REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_notice"})
 
 
 def written_by(name: str) -> str:
@@ -159,18 +180,20 @@ def written_by(name: str) -> str:
     return name.partition(":")[0]
 
 
-Prepare = Callable[[World], Callable[[], object]]
+def case(
+    name: str,
+    prepare: Callable[[World], Any],
+    write: Callable[[World, Any], object],
+    again: object = None,
+    **more: Any,
+) -> None:
+    """Note a case; `again` is what is answered the second time, or a function that knows it."""
+    answered = again if callable(again) and not isinstance(again, type) else None
+    CASES[name] = Case(prepare, write, answered or (lambda answer: answer == again), **more)
 
 
-def case(name: str, again: object = None, **more: Any) -> Callable[[Prepare], Prepare]:
-    """Note a case: its script and what is special; `again` is what is answered the second time."""
-
-    def note(prepare: Prepare) -> Prepare:
-        answered = again if callable(again) and not isinstance(again, type) else None
-        CASES[name] = Case(prepare, answered or (lambda answer: answer == again), **more)
-        return prepare
-
-    return note
+def nothing(_: object) -> None:
+    """Nothing is to be prepared."""
 
 
 def is_anything(_: object) -> bool:
@@ -179,373 +202,302 @@ def is_anything(_: object) -> bool:
 
 # What workers write.
 
-
-@case("commit", Committed.COMMITTED)
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: commit(world.queue, lease)
-
-
-@case("commit: another was first", Committed.DUPLICATE)
-def _(world: World) -> Callable[[], object]:
-    lease = world.committed()
-    return lambda: commit(world.queue, lease, "another partial")
+case("commit", World.leased, lambda w, held: commit(w.queue, held), "committed")
+case(
+    "commit: another was first",
+    World.committed,
+    lambda w, held: commit(w.queue, held, "another partial"),
+    "duplicate",
+)
 
 
-@case("commit: the job has ended", Committed.ENDED)
-def _(world: World) -> Callable[[], object]:
+def _job_has_ended(world: World) -> Lease:
     lease = world.leased()
     Jobs(world.direct).cancel(lease.job_id)
-    return lambda: commit(world.queue, lease)
+    return lease
 
 
-@case("commit: of another variant", Committed.STALE)
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: commit(world.queue, replace(lease, variant="llvm_ad_rgb"))
+case("commit: the job has ended", _job_has_ended, lambda w, held: commit(w.queue, held), "ended")
+case(
+    "commit: of another variant",
+    World.leased,
+    lambda w, held: commit(w.queue, replace(held, variant="llvm_ad_rgb")),
+    "stale",
+)
 
 
-@case("commit: of seeds that were used", Committed.OVERLAP)
-def _(world: World) -> Callable[[], object]:
+def _another_of_the_job(world: World) -> Lease:
     world.committed()
-    found = SliceQueue(world.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
-    assert found is not None
-    lease = found
-    return lambda: commit(world.queue, lease, "another partial", (5, 6))
+    return world.another()
 
 
-@case("glimpse", True)
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.glimpse(lease, "a glimpse")
-
-
-@case("died", "lost")
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.died(lease, "killed by SIGSEGV", 0.5, "words")
-
-
-@case("hand_back: the worker does not see the scene's files")
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.hand_back(lease, 0.5, cause="files differ", leaves_out=True)
-
-
-@case("hand_back")
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.hand_back(lease, 0.5, cause="the worker stops", said="words")
-
-
-@case("fail")
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.fail(lease, "no such plugin", 0.5, "words")
-
-
-@case("heartbeat", ())
-def _(world: World) -> Callable[[], object]:
-    lease = world.leased()
-    return lambda: world.queue.heartbeat(ABOUT, (lease,))
-
-
-@case("leave")
-def _(world: World) -> Callable[[], object]:
-    world.heartbeat()
-    return world.queue.leave
-
+case(
+    "commit: of seeds that were used",
+    _another_of_the_job,
+    lambda w, held: commit(w.queue, held, "another partial", (5, 6)),
+    "overlap",
+)
+case("glimpse", World.leased, lambda w, held: w.queue.glimpse(held, "a glimpse"), True)
+case("died", World.leased, lambda w, held: w.queue.died(held, "SIGSEGV", 0.5, "words"), "lost")
+case(
+    "hand_back: the worker does not see the scene's files",
+    World.leased,
+    lambda w, held: w.queue.hand_back(held, 0.5, cause="files differ", leaves_out=True),
+)
+case(
+    "hand_back",
+    World.leased,
+    lambda w, held: w.queue.hand_back(held, 0.5, cause="the worker stops", said="words"),
+)
+case("fail", World.leased, lambda w, held: w.queue.fail(held, "no such plugin", 0.5, "words"))
+case("heartbeat", World.leased, lambda w, held: w.queue.heartbeat(ABOUT, (held,)), ())
+case("leave", World.heartbeat, lambda w, _: w.queue.leave())
 
 # What monitors write.
 
-
-@case("renew", set(), writes_only_times=True)
-def _(world: World) -> Callable[[], object]:
-    world.job()
-    return lambda: world.owners.renew((world.owned,))
-
-
-@case("disown")
-def _(world: World) -> Callable[[], object]:
-    world.job()
-    return lambda: world.owners.disown((world.owned,))
-
-
-@case("plan")
-def _(world: World) -> Callable[[], object]:
-    world.job()
-    return lambda: world.owners.plan(world.owned, range(2, 6))
+case(
+    "renew",
+    World.job,
+    lambda w, _: w.owners.renew((w.owned,)),
+    set(),
+    writes_only_times=True,
+)
+case("disown", World.job, lambda w, _: w.owners.disown((w.owned,)))
+case("plan", World.job, lambda w, _: w.owners.plan(w.owned, range(2, 6)))
+case(
+    "append_point",
+    World.committed,
+    lambda w, _: w.owners.append_point(w.owned, 100, {"spp": 100, "visible_pixels": 3}),
+)
 
 
-@case("append_point")
-def _(world: World) -> Callable[[], object]:
-    world.committed()
-    return lambda: world.owners.append_point(world.owned, 100, {"spp": 100, "visible_pixels": 3})
-
-
-@case("reject", 0)
-def _(world: World) -> Callable[[], object]:
+def _its_record(world: World) -> SliceRecord:
     lease = world.committed()
     [record] = Ownerships(world.direct, LEASE_S).committed(lease.job_id, range(1))
-    return lambda: world.owners.reject(world.owned, record, "it is spoiled")
+    return record
 
 
-@case("show")
-def _(world: World) -> Callable[[], object]:
-    world.job()
-    return lambda: world.owners.show_results(world.owned, RESULTS, 50, SHA256)
+case("reject", _its_record, lambda w, record: w.owners.reject(w.owned, record, "spoiled"), 0)
+case("show", World.job, lambda w, _: w.owners.show_results(w.owned, RESULTS, 50, SHA256))
+case(
+    "note_blob",
+    World.job,
+    lambda w, job: w.owners.note_blob(w.owned, blobs.preview(job, 50), "ab" * 32),
+)
+case("save", World.committed, lambda w, _: w.owners.save_checkpoint(w.owned, CHECKPOINT))
+case(
+    "save: a frame waits for a look at its shot",
+    lambda w: w.committed(batch="walk"),
+    lambda w, _: w.owners.save_checkpoint(
+        w.owned, CHECKPOINT, FrameWait(spp=50, stop=True, reason="levelled off", numbers={})
+    ),
+)
 
 
-@case("note_blob")
-def _(world: World) -> Callable[[], object]:
-    blob = blobs.preview(world.job(), 50)
-    return lambda: world.owners.note_blob(world.owned, blob, "ab" * 32)
-
-
-@case("save")
-def _(world: World) -> Callable[[], object]:
-    world.committed()
-    return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT)
-
-
-@case("save: a frame waits for a look at its shot")
-def _(world: World) -> Callable[[], object]:
-    world.committed(batch="walk")
-    waits = FrameWait(spp=50, stop=True, reason="levelled off", numbers={})
-    return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT, waits)
-
-
-@case("answer_frames")
-def _(world: World) -> Callable[[], object]:
+def _shot(world: World) -> ShotRecord:
     asked = {**SPEC, "batch": "walk", "shot": {"fps": 24}, "parameters": [{"frame": 0}] * 2}
     specs = BatchSpec.model_validate(asked).job_specs("walk")
-    Jobs(world.direct).create_all(specs, name="walk", scene_sha256="00")
+    Jobs(world.direct).create(*specs, name="walk", scene_sha256="00")
     record = Batches(world.direct).shot("walk")
     assert record is not None
+    return record
+
+
+def _answer(world: World, record: ShotRecord) -> None:
     first, last = (frame.job_id for frame in record.frames)
     more = FrameAnswer(spp=50, needs_spp=100, good=True, words="it is noisy")
-    answers = {first: more, last: None}
-    return lambda: Shots(world.lossy).answer(record, LOOK, "it is noisy", answers)
+    Shots(world.lossy).answer(record, LOOK, "it is noisy", {first: more, last: None})
 
 
-@case("end")
-def _(world: World) -> Callable[[], object]:
-    world.committed(notice=NOTICE)
-    verdict = {"slope": 0.01}
-    state, why = JobState.CONVERGED, "levelled off"
-    return lambda: world.owners.end(world.owned, state, "rule", why, verdict, RESULTS, SHA256)
+case("answer_frames", _shot, _answer)
+case(
+    "end",
+    lambda w: w.committed(notice=NOTICE),
+    lambda w, _: w.owners.end(
+        w.owned, JobState.CONVERGED, "rule", "levelled off", {"slope": 0.01}, RESULTS, SHA256
+    ),
+)
+case(
+    "conclude",
+    World.ended,
+    lambda w, _: w.owners.conclude(
+        w.owned, spp=50, results=RESULTS, sha256=SHA256, notes=("a note",)
+    ),
+)
+case(
+    "abandon",
+    lambda w: w.direct.delete(keys.job(w.leased().job_id)),
+    lambda w, _: w.owners.abandon(w.owned),
+    FenceLost,
+)
+case("finish", World.ended, lambda w, _: w.owners.finish(w.owned, keeps_sums=False), FenceLost)
+case(
+    "monitor_heartbeat",
+    nothing,
+    lambda w, _: MonitorLife(w.lossy, "monitor-1", LEASE_S).heartbeat(3),
+)
+case(
+    "settle_notice: delivered",
+    World.taken,
+    lambda w, taken: w.outbox.settle(taken, "delivered"),
+    True,
+)
+case(
+    "settle_notice: failed",
+    World.taken,
+    lambda w, taken: w.outbox.settle(taken, "failed", "no", 60.0),
+    False,
+)
+case(
+    "forget",
+    World.finished,
+    lambda w, job: w.run(Forget(job=job, finished_for_ms=0)),
+    "missing",
+)
+case(
+    "drop_sums",
+    World.finished,
+    lambda w, job: w.run(DropSums(job=job, finished_for_ms=0, continued_by=())),
+    "kept",
+)
+FORGET_SCENE: Final = ForgetScene(sha256=SCENE, before_ms=2**52, going_ms=60_000)
+case("forget_scene", World.scene_in_use, lambda w, _: w.run(FORGET_SCENE), "kept")
 
 
-@case("conclude")
-def _(world: World) -> Callable[[], object]:
-    world.committed()
-    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "cap", "the cap")
-    return lambda: world.owners.conclude(
-        world.owned, spp=50, results=RESULTS, sha256=SHA256, notes=("a note",)
-    )
+def _going_scene(world: World) -> None:
+    world.scene_in_use()
+    Scripts(world.direct).run(FORGET_SCENE)
 
 
-@case("abandon", FenceLost)
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    world.direct.delete(keys.job(job))
-    return lambda: world.owners.abandon(world.owned)
+case("scene_gone", _going_scene, lambda w, _: w.run(SceneGone(sha256=SCENE)))
+case("note_scenes", nothing, lambda w, _: w.run(NoteScenes(scenes=(SCENE, "d" * 64))))
+# The second one is answered as if the first one had been begun.
+case("begin_sweep", nothing, lambda w, _: is_due(w.lossy, 60.0), False, writes_only_times=True)
+case("note_sweep", nothing, lambda w, _: note_sweep(w.lossy), writes_only_times=True)
 
+#: A trouble, as it is noted for a target.
+TROUBLE: Final = "farm ops idle worker-1"
+NOTED: Final = NoteTroubles(scope="farm", found=(TROUBLE,), patience_ms=0, lease_ms=60_000)
 
-@case("finish", FenceLost)
-def _(world: World) -> Callable[[], object]:
-    world.committed()
-    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "cap", "the cap")
-    return lambda: world.owners.finish(world.owned, keeps_sums=False)
-
-
-@case("monitor_heartbeat")
-def _(world: World) -> Callable[[], object]:
-    work = MonitorWork(world.lossy, "monitor-1", LEASE_S)
-    work.merges.note(0.1)
-    return lambda: work.heartbeat(3)
-
-
-@case("settle_notice: delivered", again=True)
-def _(world: World) -> Callable[[], object]:
-    world.finished(notice=NOTICE)
-    taken = Outbox(world.direct).take(LEASE_S)
-    assert taken is not None
-    return lambda: world.outbox.settle(taken, "delivered")
-
-
-@case("settle_notice: failed", again=False)
-def _(world: World) -> Callable[[], object]:
-    world.finished(notice=NOTICE)
-    taken = Outbox(world.direct).take(LEASE_S)
-    assert taken is not None
-    return lambda: world.outbox.settle(taken, "failed", "no", 60.0)
-
-
-@case("forget", "missing")
-def _(world: World) -> Callable[[], object]:
-    job = world.finished()
-    return lambda: Scripts(world.lossy).run(Forget(job=job, finished_for_ms=0))
-
-
-@case("drop_sums", "kept")
-def _(world: World) -> Callable[[], object]:
-    job = world.finished()
-    drop = DropSums(job=job, finished_for_ms=0, continued_by=())
-    return lambda: Scripts(world.lossy).run(drop)
-
-
-@case("forget_scene", "kept")
-def _(world: World) -> Callable[[], object]:
-    SceneIndex(world.direct).use("c" * 64)
-    forget = ForgetScene(sha256="c" * 64, before_ms=2**52, going_ms=60_000)
-    return lambda: Scripts(world.lossy).run(forget)
-
+# The first one is taken to tell it, and if it does not, it is told when that lease is over.
+case("note_troubles", nothing, lambda w, _: w.run(NOTED), lambda due: not due)
+case(
+    "note_told",
+    lambda w: Scripts(w.direct).run(NOTED),
+    lambda w, _: w.run(NoteTold(trouble=TROUBLE)),
+)
 
 # What APIs write.
 
 
-@case("create", lambda made: made.repeated and not made.conflict)
-def _(world: World) -> Callable[[], object]:
-    spec = JobSpec(**SPEC, notice=NOTICE, batch="frames")
-    return lambda: world.jobs.create(
-        spec, name="box.xml", scene_sha256="0" * 64, idempotency_key="once", digest="d"
-    )
+def _repeats(made: Any) -> bool:
+    return bool(made.repeated and not made.conflict)
 
 
-@case("continue", lambda made: made.repeated and not made.conflict)
-def _(world: World) -> Callable[[], object]:
+case(
+    "create",
+    nothing,
+    lambda w, _: w.jobs.create(
+        JobSpec(**SPEC, notice=NOTICE, batch="frames"),
+        name="box.xml",
+        scene_sha256="0" * 64,
+        idempotency_key="once",
+        digest="d",
+    ),
+    _repeats,
+)
+
+
+def _remains(world: World) -> tuple[Job, Remains | None]:
     job = Jobs(world.direct).get(world.finished())
-    goes_on = Continuations(world.lossy)
-    remains = Continuations(world.direct).remains(job)
-    spec = job.spec.model_copy(update={"max_spp": 2000})
-    return lambda: goes_on.start(job, remains, spec, idempotency_key="once")
+    return job, Continuations(world.direct).remains(job)
 
 
-@case("end: cancelled by a user", lambda job: job.state is JobState.CANCELLED)
-def _(world: World) -> Callable[[], object]:
-    job = world.leased(notice=NOTICE).job_id
-    return lambda: world.jobs.cancel(job)
+def _go_on(world: World, had: tuple[Job, Remains]) -> object:
+    spec = had[0].spec.model_copy(update={"max_spp": 2000})
+    return Continuations(world.lossy).start(*had, spec, idempotency_key="once")
 
 
-@case("pause", lambda job: job.state is JobState.PAUSED)
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    return lambda: world.jobs.pause(job)
+case("continue", _remains, _go_on, _repeats)
+case(
+    "end: cancelled by a user",
+    lambda w: w.leased(notice=NOTICE).job_id,
+    lambda w, job: w.jobs.cancel(job),
+    lambda job: job.state is JobState.CANCELLED,
+)
+case(
+    "pause",
+    World.leased,
+    lambda w, held: w.jobs.pause(held.job_id),
+    lambda job: job.state is JobState.PAUSED,
+)
 
 
-@case("pause: a batch", is_anything, answers_before=3)
-def _(world: World) -> Callable[[], object]:
+def _batch(world: World) -> None:
     world.leased(batch="frames")
     world.job(owned=False, batch="frames")
-    return lambda: Batches(world.lossy).steer("frames", Steer.PAUSE)
 
 
-@case("resume", lambda job: job.state is JobState.RENDERING)
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    Jobs(world.direct).pause(job)
-    return lambda: world.jobs.resume(job)
+case(
+    "pause: a batch",
+    _batch,
+    lambda w, _: Batches(w.lossy).steer("frames", Steer.PAUSE),
+    is_anything,
+    answers_before=3,
+)
+case(
+    "resume",
+    lambda w: Jobs(w.direct).pause(w.leased().job_id).id,
+    lambda w, job: w.jobs.resume(job),
+    lambda job: job.state is JobState.RENDERING,
+)
+case(
+    "set_deleted",
+    lambda w: w.finished(batch="frames"),
+    lambda w, job: Deletions(w.lossy).set(job, deleted=True),
+    is_anything,
+)
 
 
-@case("set_deleted", is_anything)
-def _(world: World) -> Callable[[], object]:
-    job = world.finished(batch="frames")
-    return lambda: Deletions(world.lossy).set(job, deleted=True)
-
-
-@case("set_deleted: restored", is_anything)
-def _(world: World) -> Callable[[], object]:
+def _deleted(world: World) -> str:
     job = world.finished()
     Deletions(world.direct).set(job, deleted=True)
-    return lambda: Deletions(world.lossy).set(job, deleted=False)
+    return job
 
 
-@case("reprioritise", lambda job: job.spec.priority == 7)
-def _(world: World) -> Callable[[], object]:
-    job = world.leased().job_id
-    return lambda: world.jobs.set_priority(job, 7)
-
-
-@case("remember_scene")
-def _(world: World) -> Callable[[], object]:
-    return lambda: SceneIndex(world.lossy).remember("c" * 64, {"name": "box.xml"})
-
-
-@case("use_scene")
-def _(world: World) -> Callable[[], object]:
-    return lambda: SceneIndex(world.lossy).use("c" * 64)
-
-
-@case("disuse_scene")
-def _(world: World) -> Callable[[], object]:
-    SceneIndex(world.direct).use("c" * 64)
-    return lambda: SceneIndex(world.lossy).disuse("c" * 64)
-
-
-@case("note_scenes")
-def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run(NoteScenes(scenes=("c" * 64, "d" * 64)))
-
-
-@case("scene_gone")
-def _(world: World) -> Callable[[], object]:
-    SceneIndex(world.direct).use("c" * 64)
-    forget = ForgetScene(sha256="c" * 64, before_ms=10**14, going_ms=60_000)
-    Scripts(world.direct).run(forget)
-    return lambda: Scripts(world.lossy).run(SceneGone(sha256="c" * 64))
-
-
-@case("begin_sweep", False, writes_only_times=True)  # as if the first one had been begun
-def _(world: World) -> Callable[[], object]:
-    return lambda: is_due(world.lossy, 60.0)
-
-
-@case("note_sweep", writes_only_times=True)
-def _(world: World) -> Callable[[], object]:
-    return lambda: note_sweep(world.lossy)
-
-
-#: A trouble, as it is noted for a target.
-TROUBLE: Final = "farm ops idle worker-1"
-
-
-def noted_troubles(client: redis.Redis) -> object:
-    noted = NoteTroubles(scope="farm", found=(TROUBLE,), patience_ms=0, lease_ms=60_000)
-    return Scripts(client).run(noted)
-
-
-# The first one is taken to tell it, and if it does not, it is told when that lease is over.
-@case("note_troubles", lambda due: not due)
-def _(world: World) -> Callable[[], object]:
-    return lambda: noted_troubles(world.lossy)
-
-
-@case("note_told")
-def _(world: World) -> Callable[[], object]:
-    noted_troubles(world.direct)
-    return lambda: Scripts(world.lossy).run(NoteTold(trouble=TROUBLE))
-
-
-@case("pair", "an id")
-def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run(Pair(id="an id", is_marked=True))
-
-
-@case("put_key: of another's making", lambda key: key.usable, answers_before=1)
-def _(world: World) -> Callable[[], object]:
-    shown = f"plateau_{'a' * 12}_{'b' * 64}"
-    limits = world.api_key(burst=1).limits
-    return lambda: world.keys.admit(shown, "a key", Role.VIEWER, limits)
-
-
-@case("put_key: revoked", lambda key: not key.usable, answers_before=2)
-def _(world: World) -> Callable[[], object]:
-    key = world.api_key(burst=1)
-    return lambda: world.keys.revoke(key.id)
-
-
-@case("drain")
-def _(world: World) -> Callable[[], object]:
-    world.heartbeat()
-    return lambda: world.workers.drain(WORKER)
+case(
+    "set_deleted: restored",
+    _deleted,
+    lambda w, job: Deletions(w.lossy).set(job, deleted=False),
+    is_anything,
+)
+case(
+    "reprioritise",
+    World.leased,
+    lambda w, held: w.jobs.set_priority(held.job_id, 7),
+    lambda job: job.spec.priority == 7,
+)
+case(
+    "remember_scene",
+    nothing,
+    lambda w, _: SceneIndex(w.lossy).remember(SCENE, {"name": "box.xml"}),
+)
+case("use_scene", nothing, lambda w, _: SceneIndex(w.lossy).use(SCENE))
+case("disuse_scene", World.scene_in_use, lambda w, _: SceneIndex(w.lossy).disuse(SCENE))
+case("pair", nothing, lambda w, _: w.run(Pair(id="an id", is_marked=True)), "an id")
+case(
+    "put_key: of another's making",
+    nothing,
+    lambda w, _: w.keys.admit(f"plateau_{'a' * 12}_{'b' * 64}", "a key", Role.VIEWER, KeyLimits()),
+    lambda key: key.usable,
+    answers_before=1,
+)
+case(
+    "put_key: revoked",
+    World.api_key,
+    lambda w, key: w.keys.revoke(key.id),
+    lambda key: not key.usable,
+    answers_before=2,
+)
+case("note_use", World.api_key, lambda w, key: w.keys.note_use(key), writes_only_times=True)
+case("drain", World.heartbeat, lambda w, _: w.workers.drain(WORKER))

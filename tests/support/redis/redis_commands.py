@@ -1,10 +1,12 @@
-"""Commands for the script that no caller would give it."""
+"""The commands of the script, and some that no caller would give it."""
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
 from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.scripts import text
 
 
 def named(name: str, **fields: object) -> Command[Any]:
@@ -20,3 +22,8 @@ def named(name: str, **fields: object) -> Command[Any]:
             return json.dumps(fields)
 
     return Named()
+
+
+def commands(whose: str = "workers|farm", more: str = "") -> set[str]:
+    """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
+    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(more), re.MULTILINE))

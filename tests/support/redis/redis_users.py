@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import redis
 
 from plateau.farm.ledger.schema import check_schema
-from plateau.farm.ledger.totals import MonitorWork
+from plateau.farm.ledger.workers import MonitorLife
 from plateau.farm.redis.acl import acl_file, rules
 from plateau.farm.redis.link import connect
 
@@ -39,10 +39,10 @@ def users(root: redis.Redis, url: str) -> Iterator[Login]:
         root.acl_deluser(name)
 
 
-def monitor_comes(login: Login) -> MonitorWork:
+def monitor_comes(login: Login) -> MonitorLife:
     """A monitor lays out Redis, and says that it lives."""
     monitor = login("monitor")
     check_schema(monitor)
-    work = MonitorWork(monitor, "m", LEASE_S)
-    work.heartbeat(0)
-    return work
+    life = MonitorLife(monitor, "m", LEASE_S)
+    life.heartbeat(0)
+    return life

@@ -16,7 +16,6 @@ class Toy(Rule):
     title: ClassVar[str] = "A number of looks"
     help: ClassVar[str] = "Stops when the image was looked at often enough."
     criterion: ClassVar[str] = "it is evaluated for the `looks`th time"
-    stopped: ClassVar[str] = "the image was looked at {looks} times."
 
     #: How often it looks.
     looks: int = parameter(

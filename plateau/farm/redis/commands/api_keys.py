@@ -1,4 +1,4 @@
-"""Commands that store API keys and take requests from their buckets."""
+"""Commands that store API keys, and note their use."""
 
 from dataclasses import dataclass
 
@@ -15,18 +15,7 @@ class PutKey(Command[bool]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Handful:
-    """Requests that were taken out of a bucket."""
-
-    taken: int
-    wait_ms: float  #: until the next request, if none was taken
-
-
-@dataclass(frozen=True, kw_only=True)
-class Take(Command[Handful]):
-    """Take up to `wanted` requests out of a key's bucket."""
+class NoteUse(Command[None]):
+    """Note that a key is used."""
 
     key: str
-    wanted: int
-    interval_ms: float  #: in which the bucket gains one
-    burst: int  #: most requests in the bucket

@@ -1,6 +1,5 @@
 """Heartbeats of workers and monitors, draining of workers, pairing of Redis and blob store."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,12 +8,11 @@ from plateau.farm.redis.commands.command import Command, Items
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorHeartbeat(Command[None]):
-    """Report that a monitor lives, and its work since its start."""
+    """Report that a monitor lives."""
 
     monitor: str
-    about: str | None  #: JSON; None where it signs off
+    jobs: int | None  #: that it owns; None where it signs off
     life_ms: int  #: after this time without a heartbeat it counts as dead
-    done: Mapping[str, int]  #: by total
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ from plateau.farm.redis.commands.jobs import DecidedRound
 
 
 @dataclass(frozen=True)
-class OwnedJob:
-    """A job, and the token under which it is owned."""
+class Ownership:
+    """A job, and the token under which a monitor owns it."""
 
-    job: str
+    job_id: str
     token: str
 
 
@@ -29,14 +29,14 @@ class Renew(Command[Items[str]]):
     """Renew the ownership of jobs; answers those that were lost."""
 
     lease_ms: int
-    owned: tuple[OwnedJob, ...]
+    owned: tuple[Ownership, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Disown(Command[None]):
     """Give jobs back."""
 
-    owned: tuple[OwnedJob, ...]
+    owned: tuple[Ownership, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

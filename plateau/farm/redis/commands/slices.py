@@ -5,6 +5,9 @@ from typing import Literal
 
 from plateau.farm.redis.commands.command import Command, Reply
 
+#: ``duplicate``: the ledger has another try of the slice, and the partial can go. ``stale``: after
+#: a long pause without commits, others render with another variant. ``overlap``: another slice in
+#: the ledger has its seeds, which is a bug, and refused.
 CommitEnd = Literal["committed", "duplicate", "ended", "stale", "overlap"]
 
 

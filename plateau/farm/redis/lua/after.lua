@@ -5,8 +5,6 @@
 
 local WELL = {converged = true, exhausted = true}
 
-local function gate_key(gate) return PREFIX .. 'gate:' .. gate end
-
 -- How a job stands: 'well'; 'open', until its results are written; 'lost' where Redis has no state of it; or
 -- the state at which it ended without an image to go by.
 local function standing(id)
@@ -71,74 +69,53 @@ end
 -- A new job waits for these gates.
 function After.wait(id, gates)
   if #gates == 0 then return end
-  for i, gate in ipairs(gates) do
-    redis.call('ZADD', job_key(id, 'after'), i, gate)
-    redis.call('SADD', gate_key(gate), id)
-    local number = batch_of(gate)
-    if number then redis.call('ZADD', GATES, number, gate) end
-  end
+  for i, gate in ipairs(gates) do redis.call('ZADD', job_key(id, 'after'), i, gate) end
+  redis.call('SADD', AWAITING, id)
   note_wait(id)
-end
-
--- The open jobs that wait for a gate, which is no more.
-local function take_waiting(gate)
-  local waiting = {}
-  for _, id in ipairs(redis.call('SMEMBERS', gate_key(gate))) do
-    if Job.is_open(id) then waiting[#waiting + 1] = id end
-  end
-  redis.call('DEL', gate_key(gate))
-  redis.call('ZREM', GATES, gate)
-  return waiting
-end
-
--- What a gate stands for has ended well: jobs that wait for nothing else may be rendered.
-local function open(gate)
-  for _, id in ipairs(take_waiting(gate)) do
-    redis.call('ZREM', job_key(id, 'after'), gate)
-    if redis.call('EXISTS', job_key(id, 'after')) == 1 then
-      note_wait(id)
-    else
-      redis.call('HDEL', job_key(id), 'awaits')
-      Job.may_begin(id, 'all that it waited for has ended well')
-    end
-  end
 end
 
 -- A job that ends while it waits is in front of no gate any more.
 local function wait_no_more(id)
-  for _, gate in ipairs(redis.call('ZRANGE', job_key(id, 'after'), 0, -1)) do
-    redis.call('SREM', gate_key(gate), id)
-    if redis.call('EXISTS', gate_key(gate)) == 0 then redis.call('ZREM', GATES, gate) end
-  end
+  redis.call('SREM', AWAITING, id)
   redis.call('DEL', job_key(id, 'after'))
   redis.call('HDEL', job_key(id), 'awaits')
 end
 
-local BADLY = {failed = 'failed', cancelled = 'was cancelled', lost = 'is lost'}
-
--- A job of what a gate stands for has not ended well: those that wait for it never can be rendered.
-local function shut(gate, id, how)
-  local words = string.format('%s, for which it waited, %s', job_in_words(id), BADLY[how])
-  for _, waiting in ipairs(take_waiting(gate)) do
-    wait_no_more(waiting)
-    Job.end_with(waiting, 'cancelled', 'predecessor', words)
-  end
+-- What a gate stands for has ended well: a job that waits for nothing else may be rendered.
+local function open(id, gate)
+  redis.call('ZREM', job_key(id, 'after'), gate)
+  if redis.call('EXISTS', job_key(id, 'after')) == 1 then return note_wait(id) end
+  wait_no_more(id)
+  has_more[id] = true
+  Job.note_queued(id, 'all that it waited for has ended well', 'waiting for a worker')
 end
 
--- A job is done, or lost: what waited for it, or for its batch, goes on or is cancelled.
+local BADLY = {failed = 'failed', cancelled = 'was cancelled', lost = 'is lost'}
+
+-- A job is done, or lost: those that waited for it, or for its batch, go on or are cancelled.
 function After.settle(id)
   wait_no_more(id)
   local how = standing(id)
-  if how == 'well' then open('job ' .. id) else shut('job ' .. id, id, how) end
   local batch, place = unpack(redis.call('HMGET', job_key(id), 'batch', 'number'))
-  for _, gate in ipairs(redis.call('ZRANGE', GATES, 0, -1)) do
+  local known = {}  -- what each gate is by now: shut, open or as before
+
+  local function becomes(gate)
     local number, name = batch_of(gate)
-    local at = name == batch and place or redis.call('ZSCORE', batch_key(name), id)
-    if at and number - at >= 0 then
-      if how ~= 'well' then
-        shut(gate, id, how)
-      elseif not is_under_way(name, number) then
-        open(gate)
+    local at = name == batch and place or name and redis.call('ZSCORE', batch_key(name), id)
+    if gate ~= 'job ' .. id and not (at and number - at >= 0) then return 'as before' end
+    if how ~= 'well' then return 'shut' end
+    return name and is_under_way(name, number) and 'as before' or 'open'
+  end
+
+  for _, waiting in ipairs(redis.call('SMEMBERS', AWAITING)) do
+    for _, gate in ipairs(redis.call('ZRANGE', job_key(waiting, 'after'), 0, -1)) do
+      known[gate] = known[gate] or becomes(gate)
+      if not Job.is_open(waiting) then break end
+      if known[gate] == 'open' then open(waiting, gate) end
+      if known[gate] == 'shut' then
+        wait_no_more(waiting)
+        local words = string.format('%s, for which it waited, %s', job_in_words(id), BADLY[how])
+        Job.end_with(waiting, 'cancelled', 'predecessor', words)
       end
     end
   end

@@ -129,12 +129,6 @@ function Job.end_with(id, target, ended_by, reason, failed_slice)
   return true, state
 end
 
--- A queued job that had to wait may be rendered from now on.
-function Job.may_begin(id, why)
-  has_more[id] = true
-  Job.note_queued(id, why, 'waiting for a worker')
-end
-
 -- Is this the token of the monitor that owns the job?
 function Job.is_owned(id, token) return redis.call('GET', job_key(id, 'owner')) == token end
 

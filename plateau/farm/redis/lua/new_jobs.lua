@@ -64,10 +64,3 @@ function New.job(job, priority, reason)
   Outbox.announce(id, 'state', {to = 'queued', reason = reason})
   redis.call('PUBLISH', WAKE_MONITORS, id)
 end
-
--- The shot whose frames are these new jobs, in their order.
-function New.shot(jobs)
-  local frames = {}
-  for place, job in ipairs(jobs) do frames[place] = job.id end
-  redis.call('HSET', job_key(jobs[1].id, 'shot'), 'frames', cjson.encode(frames), 'looks', 0)
-end

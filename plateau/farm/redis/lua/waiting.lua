@@ -93,27 +93,21 @@ function Waiting.kind_of(about)
                        table.concat(about.tags or {}, ','))
 end
 
--- The living workers that take work, with their kinds.
-function Waiting.at_work(alive_ms)
-  local kinds = {}
-  for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - alive_ms, '+inf')) do
-    local about, drained = unpack(redis.call('HMGET', worker_key(id), 'about', 'drained'))
-    about = cjson.decode(about or '{}')
-    if not drained and not given(about.trouble) then kinds[id] = Waiting.kind_of(about) end
-  end
-  return kinds
-end
-
 -- The class of a job.
 function Waiting.class_of(id)
   local pinned, asked, need = unpack(redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need'))
   return (pinned or asked or 'auto') .. ' ' .. (need or DEFAULT_POOL)
 end
 
--- May one of these workers, as `at_work` returns them, render the job?
-function Waiting.is_served(id, class, kinds)
-  for worker, kind in pairs(kinds) do
-    if Waiting.variant_of(kind, class) and not Waiting.left_out_of(worker)[id] then return true end
+-- May another living worker that takes work render the job?
+function Waiting.is_served_by_another(worker, id, alive_ms)
+  local class = Waiting.class_of(id)
+  for _, other in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - alive_ms, '+inf')) do
+    local about, drained = unpack(redis.call('HMGET', worker_key(other), 'about', 'drained'))
+    about = cjson.decode(about or '{}')
+    local takes_work = other ~= worker and not drained and not given(about.trouble)
+    if takes_work and Waiting.variant_of(Waiting.kind_of(about), class)
+       and not Waiting.left_out_of(other)[id] then return true end
   end
   return false
 end

@@ -1,4 +1,4 @@
-"""Who may make a request: its origin, its key, and the key's rate limit.
+"""Who may make a request: its origin, and its key.
 
 The reasons are in docs/decisions/api.md.
 """

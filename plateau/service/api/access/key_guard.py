@@ -1,4 +1,4 @@
-"""Access by key: which requests need a key, what its role allows, and its rate limit.
+"""Access by key: which requests need a key, and what its role allows.
 
 The farm's data are under ``/v1/`` and at ``/metrics``. Everything else (health, the description of
 the API, the web page's files) is the same for everybody and stays open. Every change of a job is
@@ -9,7 +9,6 @@ Each request looks its key up: the first key that is made closes an open API at 
 key opens nothing from then on. Long-lived streams look it up again (see `Caller.is_welcome`).
 """
 
-import math
 import re
 from enum import Enum
 from functools import partial
@@ -19,7 +18,6 @@ import anyio
 from anyio import CapacityLimiter
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKeys, Role
 from plateau.farm.model.errors import Incompatible, StoreUnavailable
 from plateau.service.api.access.callers import ANYBODY, Caller
@@ -50,12 +48,9 @@ class Access(Enum):
 class KeyGuard(Layer):
     """Passes on requests that need no key, or whose key allows them."""
 
-    def __init__(
-        self, app: ASGIApp, *, keys: ApiKeys, allowance: Allowance, access: Access
-    ) -> None:
+    def __init__(self, app: ASGIApp, *, keys: ApiKeys, access: Access) -> None:
         super().__init__(app)
         self._keys = keys
-        self._allowance = allowance
         self._access = access
         self._threads: CapacityLimiter | None = None
 
@@ -95,15 +90,7 @@ class KeyGuard(Layer):
                 raise Problem(problems.BAD_KEY if shown else problems.NO_KEY)
             refuse_foreign(scope)
             return ANYBODY
-        wait_s = self._allowance.seconds_to_wait(key)
-        if wait_s > 0:
-            raise Problem(
-                problems.TOO_MANY_REQUESTS,
-                key=key.name,
-                rate=key.limits.requests_per_minute,
-                burst=key.limits.burst,
-                seconds=max(1, math.ceil(wait_s)),
-            )
+        self._keys.note_use(key)
         needed = Role.VIEWER if scope["method"] in _READING else Role.SUBMITTER
         if not key.role.includes(needed):
             raise Problem(

@@ -1,6 +1,5 @@
 """``GET /metrics``: the whole farm in Prometheus's format, from any API process."""
 
-import math
 import platform
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -10,7 +9,6 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import (
     CounterMetricFamily,
     GaugeMetricFamily,
-    HistogramMetricFamily,
     InfoMetricFamily,
     Metric,
 )
@@ -18,7 +16,6 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 
 from plateau.farm.ledger.totals import Census, take_census
-from plateau.farm.model.durations import Histogram
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.metrics.requests import Requests
 
@@ -183,16 +180,6 @@ def _totals(census: Census) -> Iterator[Metric]:
         census.notice_tries,
         "outcome",
     )
-    yield _histogram(
-        "plateau_merge_seconds",
-        "Seconds in which a monitor fetches a slice's partial image and adds it to the job's.",
-        census.merges,
-    )
-    yield _histogram(
-        "plateau_evaluation_seconds",
-        "Seconds in which a monitor judges a merged image by all rules of its job.",
-        census.evaluations,
-    )
 
 
 def _gauge(
@@ -218,11 +205,3 @@ def _filled(
     for name, number in value.items():
         family.add_metric((name,), number)
     return family
-
-
-def _histogram(name: str, help_text: str, noted: Histogram) -> Metric:
-    buckets = [
-        ("+Inf" if math.isinf(bound_s) else repr(bound_s), float(runs))
-        for bound_s, runs in noted.buckets
-    ]
-    return HistogramMetricFamily(name, help_text, buckets, noted.sum_s)

@@ -30,8 +30,8 @@ _EXAMPLE: Final[dict[str, object]] = {
     "job": examples.JOB_ID, "job_id": examples.JOB_ID, "clause": "is converged",
     "state": "converged", "host": "farm.example", "origin": "https://example.org",
     "path": "/problems/none", "key": "nightly", "needed": "submitter", "role": "viewer",
-    "batch": "exposures", "spp": 130, "index": 15, "rate": 1200,
-    "burst": 200, "seconds": 1, "types": "application/json or text/csv", "accept": "image/png",
+    "batch": "exposures", "spp": 130, "index": 15,
+    "seconds": 1, "types": "application/json or text/csv", "accept": "image/png",
     "stored_bytes": 53_000_000_000, "limit_bytes": 53_687_091_200, "size": 900_000_000,
     "media_type": "application/json", "sha256": examples.SCENE_SHA256,
     "name": f"jobs/{examples.JOB_ID}/results/0000400-7-final/image.exr",
@@ -321,11 +321,6 @@ KEY_REUSED: Final = ProblemType(
 
 # Too much, and trouble within.
 
-TOO_MANY_REQUESTS: Final = ProblemType(
-    "too-many-requests", 429, "Too many requests",
-    "the key {key!r} may make {rate:g} requests a minute, and {burst:,} at once",
-    "try again in {seconds} s",
-    headers={"Retry-After": "{seconds}"})
 TOO_MANY_JOBS: Final = ProblemType(
     "too-many-jobs", 429, "Too many open jobs",
     "{error}",

@@ -183,8 +183,6 @@ _KEY: Final[JsonDict] = {
     "name": "nightly",
     "role": "submitter",
     "limits": {
-        "requests_per_minute": 1200,
-        "burst": 200,
         "upload_bytes": 500_000_000,
         "open_jobs": 10_000,
         "scenes_bytes": 53_687_091_200,

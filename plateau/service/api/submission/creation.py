@@ -33,8 +33,9 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     variant = variant_for(asked.spec.variant, summary.renderer, is_whole=summary.is_whole)
     requires = required(asked.spec, map(root_tag, summary.roots))
     specs = _job_specs(asked.spec, called)
-    return farm.jobs.create_all(
-        [one.model_copy(update={"variant": variant, "requires": requires}) for one in specs],
+    update = {"variant": variant, "requires": requires}
+    return farm.jobs.create(
+        *(one.model_copy(update=update) for one in specs),
         name=asked.spec.name or called,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,

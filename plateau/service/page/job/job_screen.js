@@ -4,17 +4,14 @@ import { extensions } from "../extensions.js";
 import { follow, get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
-import { controls } from "../shared/job_controls.js";
-import { deletedSince, deleteOrRestore, deletionButtons, deletions } from "../shared/job_deletion.js";
-import { JobId } from "../shared/job_id.js";
-import { AGAIN, ENDED, noiseTarget, took } from "../shared/job_summary.js";
+import { JobControls } from "../shared/job_controls.js";
+import { AGAIN, deletedSince, ENDED, noiseTarget, shortId, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
-import { Failure } from "./failure.js";
 import { reasonInWords } from "./reason.js";
 import { Records } from "./story_log_files.js";
 import { Viewer } from "./viewer/viewer.js";
@@ -30,17 +27,18 @@ export function open(main, { id, signal, go }) {
   const path = `/v1/jobs/${encodeURIComponent(id)}`;
   const name = h("h1");
   const state = h("span", { class: "state", role: "status" });
-  const copied = new JobId();
+  const shortened = h("code", { class: "job-id" });
   const about = h("p", { class: "summary" });
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
   const again = h("p", { class: "summary", hidden: true });
-  const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" });
+  const controls = new JobControls(() => look().catch(() => {}));  // the next look tries again
+  const links = h("span", { class: "job-actions" });
+  const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" }, links, controls.elements);
   const chart = new CurveChart(signal);
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
   const records = new Records(signal);
-  const failure = new Failure(signal);
   /** @type {Api.CurvePoint[]} */
   const points = [];
   let shown = "";
@@ -49,9 +47,9 @@ export function open(main, { id, signal, go }) {
     h("header", {},
       h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
       h("div", { class: "head" },
-        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, again),
+        h("div", {}, h("p", { class: "title" }, name, state, shortened), about, again),
         actions),
-      reason, failure.element, progress),
+      reason, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
     facts.element, records.element);
   // A heading for screen readers until the job has been fetched.
@@ -80,18 +78,16 @@ export function open(main, { id, signal, go }) {
     return job;
   }
 
-  /** @type {Api.JobView} */
-  let newest;
   /** @param {Api.JobView} job */
   function show(job) {
-    newest = job;
     screen.hidden = false;
     absent.hidden = true;
     document.title = `${job.title}: ${job.outcome} · Plateau`;
     setText(name, job.name);
     setText(state, job.outcome);
     setAttribute(state, "data-state", job.state);
-    copied.show(job.id);
+    setText(shortened, shortId(job));
+    controls.show([job]);
     setText(about, [
       job.width && `${job.width} × ${job.height}`,
       job.variant,
@@ -110,15 +106,12 @@ export function open(main, { id, signal, go }) {
     const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
-    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${deletions(job)} ${maySteer(job)} ${maySubmit()}`;
+    const kind = `${job.state} ${job.finished_at ?? ""} ${maySteer(job)} ${maySubmit()}`;
     if (kind !== shown) {
       shown = kind;
-      const buttons = [againLink(job), ...extensions.flatMap((one) => one.jobButtons).map((make) => make(job, go))].filter((one) => one !== null);
-      actions.replaceChildren(...buttons, ...controls(() => newest, look),
-        ...deletionButtons(deletions(job), (what) => deleteOrRestore([newest], what, look)));
+      links.replaceChildren(...[againLink(job), ...extensions.flatMap((one) => one.jobButtons).map((make) => make(job, go))].filter((one) => one !== null));
     }
     chart.show(job, points);
-    failure.show(job);
     facts.show(job);
     records.show(job);
   }

@@ -1,8 +1,17 @@
 // Why a job is in its state, in words for readers who do not know the papers.
 
-import { percent, pixels, sentence, several, sppOf, three, whole } from "../shared/figures.js";
-import { noiseTarget, stopSlope } from "../shared/job_summary.js";
-import { parametersOf, ruleNamed } from "../shared/rules.js";
+import { percent, pixels, sentence, several, sppOf, whole } from "../shared/figures.js";
+import { noiseTarget } from "../shared/job_summary.js";
+
+/**
+ * What to do about a failure: where the scene is at fault, where renderers died, and otherwise.
+ * @type {Record<string, string>}
+ */
+const ADVICE = {
+  scene: "No worker can render the scene as it is. Mend it, and submit it.",
+  deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and render it again.",
+};
+const OTHERWISE = "Change what is named here, and render it again.";
 
 /**
  * One or two sentences: what happened, and what it means.
@@ -10,13 +19,13 @@ import { parametersOf, ruleNamed } from "../shared/rules.js";
  */
 export function reasonInWords(job) {
   const { state, spec } = job;
-  if (state === "converged") return converged(job);
+  if (state === "converged") return sentence(`it stopped by itself at ${sppOf(job.spp, job)}: ${job.reason}`);
   if (state === "exhausted") return `${sentence(job.reason)} ${leftToSee(job)}`.trim();
   if (state === "cancelled") {
     const kept = job.spp ? ` Its image stays as it was, at ${whole(job.spp)} spp.` : "";
     return `${sentence(job.reason)}${kept}`;
   }
-  if (state === "failed") return sentence(job.reason);
+  if (state === "failed") return `${sentence(job.reason)} ${ADVICE[job.ended_by ?? ""] ?? OTHERWISE}`;
   if (state === "paused") return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
   if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
   if (state === "queued") {
@@ -29,42 +38,11 @@ export function reasonInWords(job) {
 }
 
 /** @param {Api.JobView} job */
-function converged(job) {
-  return `It stopped by itself at ${sppOf(job.spp, job)}: ${inItsRulesWords(job) ?? sentence(job.reason)}`;
-}
-
-/**
- * The rule's own words for a job that it stopped; null if it has none, or a figure is not known.
- * @param {Api.JobView} job
- */
-function inItsRulesWords(job) {
-  const { rule } = job.spec;
-  const known = ruleNamed(rule.name);
-  if (!known?.stopped) return null;
-  const limit = stopSlope(job, rule);
-  const parameters = parametersOf(rule);
-  /** @type {Record<string, string | null>} */
-  const figures = {
-    noise_left: job.estimate_pixels == null ? null : seen(job),
-    slope: job.slope == null ? null : three(job.slope),
-    slope_limit: limit == null ? null : three(limit),
-    ...Object.fromEntries(known.fields.map(({ name, role }) => [name, (role === "noise_target" ? percent : three)(parameters[name])])),
-  };
-  const names = [...known.stopped.matchAll(/\{(\w+)\}/g)].map(([, name]) => name);
-  if (names.some((name) => figures[name] == null)) return null;
-  return known.stopped.replace(/\{(\w+)\}/g, (_, name) => figures[name] ?? "");
-}
-
-/** @param {Api.JobView} job */
 function leftToSee(job) {
   if (job.estimate_pixels == null) return "";
   const doubt = job.estimate_undetermined ? " It may be far more: the samples do not tell yet how wrong the denoiser is." : "";
-  return `The noise left is ${seen(job)}: what more samples would still change so that a person could see it.${doubt}`;
-}
-
-/** @param {Api.JobView} job */
-function seen(job) {
-  return `${pixels(job.estimate_pixels ?? 0)} pixels (${percent(job.estimate_fraction ?? 0)})`;
+  const seen = `${pixels(job.estimate_pixels)} pixels (${percent(job.estimate_fraction ?? 0)})`;
+  return `The noise left is ${seen}: what more samples would still change so that a person could see it.${doubt}`;
 }
 
 /** @param {Api.JobView} job */

@@ -1,8 +1,8 @@
-// A job's records: its files, its story, the workers of its slices, its log and its spec.
+// A job's records: its files, its story, its log and its spec.
 
 import { downloadLink, get } from "../shared/api.js";
-import { h, setText, table } from "../shared/dom.js";
-import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
+import { h, setText } from "../shared/dom.js";
+import { clock, several, whole } from "../shared/figures.js";
 import { inWords, isByQuality, zoneSize } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 
@@ -17,30 +17,26 @@ export class Records {
   #job = null;
   /** @type {JobEvent[]} */
   #events = [];
-  /** @type {Map<string, { state: string, at: number }>} */
-  #fetchedAt = new Map();
+  /** When the log was fetched, and of which state of the job. */
+  #logged = { of: "", at: 0 };
   #story = h("ol", { class: "story" });
   #notes = h("ul", { class: "notes" });
-  #workers = h("tbody");
   #log = h("div", { class: "log" });
   #spec = h("pre", { tabindex: 0, "aria-label": "The job's spec" });
   #files = h("ul", { class: "files" });
   #filesShown = "";
-  #slices;
   #logBox;
 
   /** @param {AbortSignal} signal */
   constructor(signal) {
     this.#signal = signal;
     const box = (/** @type {string} */ name, /** @type {Child} */ inside) => h("details", {}, h("summary", {}, name), inside);
-    const columns = ["worker", "slices", "spp", "rendering", "a slice", "share"];
-    this.#slices = box("Who rendered it", table("The slices of each worker", columns, this.#workers));
     this.#logBox = box("Log", this.#log);
-    for (const one of [this.#slices, this.#logBox]) one.addEventListener("toggle", () => this.#fetch());
+    this.#logBox.addEventListener("toggle", () => this.#fetch());
     this.element = h("section", { class: "records", "aria-label": "Records" },
       h("div", {}, h("h2", {}, "Files"), this.#files),
       h("details", { open: true }, h("summary", {}, "Story"), this.#story, this.#notes),
-      this.#slices, this.#logBox, box("What was asked", this.#spec));
+      this.#logBox, box("What was asked", this.#spec));
   }
 
   /**
@@ -55,6 +51,7 @@ export class Records {
 
   /** @param {Api.JobView} job */
   show(job) {
+    if (job.state === "failed" && this.#job?.state !== "failed") this.#logBox.open = true;
     this.#job = job;
     this.#showFiles(job);
     const untold = job.notices.filter(({ state }) => state !== "delivered").map(({ to, state, error }) =>
@@ -92,44 +89,13 @@ export class Records {
       : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
   }
 
-  /** Fetches the open parts, again and again while the job runs. */
+  /** Fetches the log if it is open, again and again while the job runs. */
   #fetch() {
-    const job = this.#job;
-    if (!job) return;
-    const state = job.finished_at ?? "";
-    if (this.#slices.open && this.#due("slices", state)) this.#fetchSlices(job).catch(complain);
-    if (this.#logBox.open && this.#due("log", state)) this.#fetchLog(job).catch(complain);
-  }
-
-  /**
-   * @param {string} what
-   * @param {string} state
-   */
-  #due(what, state) {
-    const before = this.#fetchedAt.get(what);
-    if (before && before.state === state && (state || Date.now() < before.at + EVERY_MS)) return false;
-    this.#fetchedAt.set(what, { state, at: Date.now() });
-    return true;
-  }
-
-  /** @param {Api.JobView} job */
-  async #fetchSlices(job) {
-    /** @type {Api.Slices} */
-    const { slices } = await get(job.links.slices, this.#signal);
-    /** @type {Map<string, { slices: number, spp: number, seconds: number }>} */
-    const workers = new Map();
-    for (const { worker, spp, render_s: seconds } of slices) {
-      const sum = workers.get(worker) ?? { slices: 0, spp: 0, seconds: 0 };
-      workers.set(worker, { slices: sum.slices + 1, spp: sum.spp + spp, seconds: sum.seconds + seconds });
-    }
-    const all = slices.reduce((sum, { spp }) => sum + spp, 0);
-    const sorted = [...workers].sort(([, a], [, b]) => b.spp - a.spp);
-    const shares = sharesOf(sorted.map(([, { spp }]) => spp));
-    this.#workers.replaceChildren(...sorted.map(([name, sum], at) =>
-      h("tr", {}, h("th", { scope: "row" }, name),
-        ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
-        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`))));
-    setText(this.#slices.children[0], `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
+    const { of, at } = this.#logged;
+    const now = this.#job?.finished_at ?? this.#job?.state ?? "";
+    if (!this.#job || !this.#logBox.open || (now === of && (this.#job.finished_at || Date.now() < at + EVERY_MS))) return;
+    this.#logged = { of: now, at: Date.now() };
+    this.#fetchLog(this.#job).catch(complain);
   }
 
   /** @param {Api.JobView} job */

@@ -3,8 +3,9 @@
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { inWords } from "../shared/job_summary.js";
+import { maySteer } from "../shared/permissions.js";
 import { JobRow, nameOf } from "./job_row.js";
-import { batchMenu } from "./menus.js";
+import { showShot } from "./shot_dialog.js";
 
 const MANY = 6;
 
@@ -12,25 +13,28 @@ const MANY = 6;
 /** @typedef {{ batch: string, jobs: ListedJob[] }} Group */
 
 export class BatchGroup {
-  #batch;
   /** @type {ListedJob[]} */
   #jobs = [];
+  #selection;
   #counts = h("span", { class: "counts" });
-  #details;
+  #pick = h("input", { type: "checkbox", onclick: () => { this.#selection.select(this.#jobs, this.#pick.checked); } });
+  #all = h("label", { class: "toggle" }, this.#pick, "Select all");
+  #shot;
   #rows;
 
   /**
    * @param {Group} group
    * @param {RowContext} context
    */
-  constructor(group, context) {
-    this.#batch = group.batch;
-    const list = h("ul", { class: "jobs", "aria-label": `Jobs of the batch ${group.batch}` });
-    this.#details = h("details", { open: group.jobs.length <= MANY },
-      h("summary", {}, h("span", { class: "batch-name" }, group.batch), this.#counts),
-      list);
-    this.element = h("li", { class: "batch" }, this.#details,
-      batchMenu(this.#batch, () => this.#jobs, (id) => this.#nameOf(id), context.refresh, context.deleted).element);
+  constructor({ batch, jobs }, context) {
+    this.#selection = context.selection;
+    setAttribute(this.#pick, "aria-label", `Select all of the batch ${batch}`);
+    this.#shot = h("button", { class: "quiet", onclick: () => showShot(batch, (id) => this.#nameOf(id)) }, "Look at the shot");
+    const list = h("ul", { class: "jobs", "aria-label": `Jobs of the batch ${batch}` });
+    this.element = h("li", { class: "batch", "data-batch": batch },
+      h("p", { class: "actions" }, this.#shot, this.#all),
+      h("details", { open: jobs.length <= MANY },
+        h("summary", {}, h("span", { class: "batch-name" }, batch), this.#counts), list));
     this.#rows = new KeyedList(list, (/** @type {ListedJob} */ job) => new JobRow(job, context));
   }
 
@@ -40,9 +44,14 @@ export class BatchGroup {
     for (const { state } of jobs) counts.set(state, (counts.get(state) ?? 0) + 1);
     const states = [...counts].map(([state, count]) => `${count} ${inWords(state, count)}`).join(", ");
     setText(this.#counts, `${several(jobs.length, "job")}: ${states}`);
-    setAttribute(this.element, "data-batch", this.#batch);
     const differing = namesOfDiffering(jobs);
     this.#jobs = jobs.map((job) => ({ ...job, told: told(job, differing) }));
+    this.#shot.hidden = !jobs.some((job) => job.in_shot);
+    const own = jobs.filter(maySteer);
+    const selected = own.filter(({ id }) => this.#selection.has(id)).length;
+    this.#all.hidden = !own.length;
+    this.#pick.checked = selected === own.length;
+    this.#pick.indeterminate = selected > 0 && selected < own.length;
     this.#rows.show(this.#jobs, (job) => job.id);
   }
 

@@ -1,15 +1,10 @@
 // A job as a row of the list.
 
-import { get } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
-import { deletedSince } from "../shared/job_deletion.js";
-import { JobId } from "../shared/job_id.js";
-import { asked, ENDED, savings, took } from "../shared/job_summary.js";
+import { asked, deletedSince, ENDED, savings, shortId, took } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 import { Picture } from "../shared/picture.js";
-import { jobMenu } from "./menus.js";
-import { Sparkline } from "./sparkline.js";
 
 /** @import { Selection } from "./selection.js" */
 
@@ -17,43 +12,23 @@ const PICTURE_EVERY_MS = 4000;
 
 /** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
  *   a job with the number of its workers, and its differences from the others of its batch */
-/** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
-/** @typedef {{ signal: AbortSignal, refresh: () => unknown, deleted: (ids: string[]) => unknown, visible: Visible, selection: Selection }} RowContext */
-
-/** How many more rows may start a fetch now. */
-let free = 4;
-/** @type {((value?: unknown) => void)[]} */
-const waiting = [];
-/** @param {() => Promise<unknown>} work */
-async function inTurn(work) {
-  if (free > 0) free -= 1;
-  else await new Promise((resolve) => waiting.push(resolve));
-  try {
-    return await work();
-  } finally {
-    const next = waiting.shift();
-    if (next) next();
-    else free += 1;
-  }
-}
+/** @typedef {{ signal: AbortSignal, selection: Selection }} RowContext */
 
 export class JobRow {
   #signal;
   #selection;
   #seen = false;
   #job;
-  #shownPoints = -1;
   #shownPicture = "";
   #picturedAt = 0;
   #image = h("img", { alt: "", width: 96, height: 72, hidden: true });
   #picture = new Picture(this.#image);
-  #spark = new Sparkline();
   #pick = h("input", { type: "checkbox", class: "pick", onclick: (event) => {
-    this.#selection.toggle(this.#job.id, { checked: this.#pick.checked, range: event.shiftKey });
+    this.#selection.toggle(this.#job, { checked: this.#pick.checked, range: event.shiftKey });
   } });
   #name = h("a", { class: "name" });
   #state = h("span", { class: "state" });
-  #id = new JobId();
+  #id = h("code", { class: "job-id" });
   #owner = h("span", { class: "owner" });
   #asked = h("p", { class: "asked" });
   #why = h("p", { class: "why" });
@@ -63,30 +38,27 @@ export class JobRow {
   #leftOf = h("span");
   #time = h("span");
   #who = h("span");
-  #menu;
 
   /**
    * @param {ListedJob} job
    * @param {RowContext} context
    */
-  constructor(job, { signal, refresh, deleted, visible, selection }) {
+  constructor(job, { signal, selection }) {
     this.#job = job;
     this.#signal = signal;
     this.#selection = selection;
-    this.#menu = jobMenu(() => this.#job, refresh, deleted);
     this.element = h("li", { class: "job" },
       h("div", { class: "thumb" }, this.#image, this.#pick),
       h("div", { class: "what" },
-        h("p", { class: "title" }, this.#name, this.#state, this.#id.element, this.#owner),
+        h("p", { class: "title" }, this.#name, this.#state, this.#id, this.#owner),
         this.#asked, this.#why),
-      this.#spark.element,
       h("p", { class: "figure" }, this.#spp, this.#cap),
       h("p", { class: "figure" }, this.#left, this.#leftOf),
-      h("p", { class: "figure" }, this.#time, this.#who),
-      this.#menu.element);
-    visible(this.element, (seen) => {
-      this.#seen = seen;
-      if (seen) this.#fetch();
+      h("p", { class: "figure" }, this.#time, this.#who));
+    // Only rows in sight fetch pictures.
+    this.element.addEventListener("contentvisibilityautostatechange", (event) => {
+      this.#seen = !(/** @type {ContentVisibilityAutoStateChangeEvent} */ (event).skipped);
+      if (this.#seen) this.#fetch();
     });
   }
 
@@ -99,14 +71,13 @@ export class JobRow {
     setAttribute(this.#name, "href", `/jobs/${job.id}`);
     const name = nameOf(job);
     setText(this.#name, name);
-    this.#menu.name(`Actions for ${name}`);
     setAttribute(this.#pick, "aria-label", `Select ${name}`);
     setAttribute(this.#pick, "hidden", maySteer(job) ? null : "");
     this.#pick.checked = this.#selection.has(job.id);
     setText(this.#state, job.outcome);
     setAttribute(this.#state, "data-state", state);
     setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");
-    this.#id.show(job.id);
+    setText(this.#id, shortId(job));
     setText(this.#asked, asked(job, { withParameters: !job.told }).join(" · "));
     setAttribute(this.#asked, "title", this.#asked.textContent);
     const why = [deletedSince(job), job.waits_for ?? job.reason].filter(Boolean).join(" · ");
@@ -133,19 +104,9 @@ export class JobRow {
     if (job.image_spp && stamp !== this.#shownPicture && due) {
       this.#shownPicture = stamp;
       this.#picturedAt = Date.now();
-      inTurn(() => this.#fetchPicture(job)).catch(() => (this.#shownPicture = ""));
+      this.#picture.show(job.links.thumbnail_png, this.#signal)
+        .then(() => (this.#image.hidden = false), () => (this.#shownPicture = ""));
     }
-    if (job.points && job.points !== this.#shownPoints) {
-      this.#shownPoints = job.points;
-      inTurn(async () => this.#spark.show((await get(job.links.curve, this.#signal)).points))
-        .catch(() => (this.#shownPoints = -1));
-    }
-  }
-
-  /** @param {ListedJob} job */
-  async #fetchPicture(job) {
-    await this.#picture.show(job.links.thumbnail_png, this.#signal);
-    this.#image.hidden = false;
   }
 }
 

@@ -8,16 +8,15 @@ import { maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
-import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
-import { ORDERS } from "./narrowing.js";
 import { Selection } from "./selection.js";
 
 const BUSY_MS = 2000;
 const CALM_MS = 3000;
-/** So many jobs are sorted without a click on the button for older ones. */
-const REACH = 1000;
-const REACH_PAGE = 200;
+/** How many jobs are listed at first, and how many more with each click. */
+const PAGE = 50;
+/** The most that the API sends at once. */
+const MOST = 200;
 /** A search begins when nothing was typed for this long. */
 const TYPED_MS = 200;
 /** @type {Api.JobState[]} */
@@ -31,11 +30,14 @@ const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "canc
 export function open(main, { signal, go }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
-  const feed = new JobFeed(asked, signal);
+  /** The listed jobs, newest first. @type {Api.JobView[]} */
+  let jobs = [];
+  let areMore = false;
+  let wanted = PAGE;
+  /** Of the refreshes: only the last one is shown. */
+  let turn = 0;
   /** @type {Api.Worker[]} */
   let workers = [];
-  let loaded = false;
-  let reaching = false;
   /** @type {ReturnType<typeof setTimeout>} */
   let typed;
 
@@ -46,42 +48,28 @@ export function open(main, { signal, go }) {
   const shelves = filter("Show", "show", "current jobs");
   shelves.offer(["deleted"]);
   const search = h("input", { type: "search", "aria-label": "Search the jobs", placeholder: "Search",
-    maxlength: 200, value: asked.get("search"), oninput: () => { narrow("search", search.value.trim()); } });
-  const order = h("select", { "aria-label": "Order", onchange: () => { narrow("sort", order.value); } },
-    h("option", { value: "" }, "newest first"),
-    [...ORDERS].map(([value, { words }]) => h("option", { value }, words)));
-  const sort = asked.get("sort") ?? "";
-  order.value = ORDERS.has(sort) ? sort : "";
-  const selection = new Selection(show, refresh, deleted);
+    maxlength: 200, value: asked.get("search"), oninput: () => {
+      history.replaceState(null, "", addressWith("search", search.value.trim()));
+      clearTimeout(typed);
+      typed = setTimeout(refreshed, TYPED_MS);
+    } });
+  const selection = new Selection(show, refreshed);
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
-  const more = h("button", { class: "more", hidden: true, onclick: () => older().catch(() => {}) }, "Older jobs");
+  const more = h("button", { class: "more", hidden: true, onclick: () => {
+    wanted = jobs.length + PAGE;
+    refreshed();
+  } }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
   main.append(
     h("div", { class: "head" },
       h("div", {}, h("h1", {}, "Jobs"), summary),
-      h("div", { class: "filters" }, search, states.label, batches.label, shelves.label, order)),
+      h("div", { class: "filters" }, search, states.label, batches.label, shelves.label)),
     list, nothing, more, selection.element);
 
-  const context = { signal, refresh, deleted, visible, selection };
+  const context = { signal, selection };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
-
-  // Only visible rows fetch pictures and curves.
-  /** @type {WeakMap<Element, (seen: boolean) => void>} */
-  const inSight = new WeakMap();
-  const observer = new IntersectionObserver((entries) => {
-    for (const entry of entries) inSight.get(entry.target)?.(entry.isIntersecting);
-  }, { rootMargin: "200px" });
-  signal.addEventListener("abort", () => observer.disconnect());
-  /**
-   * @param {Element} element
-   * @param {(seen: boolean) => void} tell
-   */
-  function visible(element, tell) {
-    inSight.set(element, tell);
-    observer.observe(element);
-  }
 
   /**
    * @param {string} name
@@ -90,19 +78,16 @@ export function open(main, { signal, go }) {
    * @param {(value: any) => string} words - what an option is called
    */
   function filter(name, field, any, words = String) {
-    const select = h("select", {}, h("option", { value: "" }, any));
-    select.addEventListener("change", () => {
-      go(addressWith(field, select.value));
-    });
+    const select = h("select", { onchange: () => { go(addressWith(field, select.value)); } }, h("option", { value: "" }, any));
     const label = h("label", {}, h("span", {}, name), select);
-    const wanted = asked.get(field) ?? "";
+    const chosen = asked.get(field) ?? "";
     const offer = (/** @type {string[]} */ values) => {
       for (const value of values) {
         if (![...select.options].some((option) => option.value === value)) select.append(h("option", { value }, words(value)));
       }
-      select.value = wanted;
+      select.value = chosen;
     };
-    offer([wanted]);
+    offer([chosen]);
     return { label, offer };
   }
 
@@ -117,74 +102,49 @@ export function open(main, { signal, go }) {
     return `/${asked.size ? `?${asked}` : ""}`;
   }
 
-  /**
-   * @param {"search" | "sort"} field
-   * @param {string} value
-   */
-  function narrow(field, value) {
-    history.replaceState(null, "", addressWith(field, value));
-    if (!loaded) return;
-    clearTimeout(typed);
-    typed = setTimeout(() => refresh().catch(() => {}), TYPED_MS);  // the next refresh tries again
-    if (field === "sort") show();
+  async function refresh() {
+    const now = (turn += 1);
+    const [found, { workers: alive }] = await Promise.all([fetched(), get("/v1/workers", signal), meetRules(signal)]);
+    if (now !== turn) return;
+    jobs = found.jobs;
+    areMore = found.areMore;
+    workers = alive;
+    show();
   }
 
-  /**
-   * Jobs were deleted or restored, and so leave the list.
-   * @param {string[]} ids
-   */
-  async function deleted(ids) {
-    feed.drop(ids);
-    if (!signal.aborted) await refresh();
+  /** Refreshes at once; where that fails, the next refresh tries again. */
+  async function refreshed() {
+    await refresh().catch(() => {});
   }
 
-  /** Whether the jobs to sort are still to be fetched. */
-  function reaches() {
-    return Boolean(feed.next) && feed.jobs.length < REACH && asked.has("sort");
-  }
-
-  async function reach() {
-    if (reaching) return;
-    reaching = true;
-    try {
-      while (reaches()) {
-        await feed.older(REACH_PAGE);
-        show();
-      }
-    } finally {
-      reaching = false;
+  /** The newest jobs that are asked for, as many as are wanted. */
+  async function fetched() {
+    const query = new URLSearchParams([...asked].filter(([name]) => name !== "show"));
+    query.set("deleted", String(asked.get("show") === "deleted"));
+    /** @type {Api.JobView[]} */
+    const found = [];
+    for (;;) {
+      query.set("limit", String(Math.min(MOST, wanted - found.length)));
+      /** @type {Api.JobPage} */
+      const page = await get(`/v1/jobs?${query}`, signal);
+      found.push(...page.jobs);
+      if (!page.next_cursor || found.length >= wanted) return { jobs: found, areMore: Boolean(page.next_cursor) };
+      query.set("cursor", page.next_cursor);
     }
   }
 
-  async function refresh() {
-    const [, { workers: alive }] = await Promise.all([feed.refresh(), get("/v1/workers", signal), meetRules(signal)]);
-    workers = alive;
-    loaded = true;
-    show();
-    await reach();
-  }
-
-  async function older() {
-    await feed.older();
-    show();
-  }
-
   function show() {
-    const by = ORDERS.get(order.value)?.order;
-    const jobs = (by ? [...feed.jobs].sort(by) : feed.jobs)
-      .map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length }));
-    const items = grouped(jobs);
+    const items = grouped(jobs.map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length })));
     selection.show(items.flatMap((item) => ("batch" in item ? item.jobs : item)));
     rows.show(items, (item) => ("batch" in item ? `batch ${item.batch}` : item.id));
-    batches.offer([...new Set(feed.jobs.flatMap((job) => job.spec.batch ?? []))]);
-    setText(summary, summed(jobs, Boolean(feed.next), workers));
-    more.hidden = !feed.next || reaches();
-    nothing.hidden = jobs.length > 0 || reaches();
-    const filtered = ["search", "state", "batch", "show"].some((name) => asked.has(name));
-    const shown = `${filtered} ${maySubmit()}`;
+    batches.offer([...new Set(jobs.flatMap((job) => job.spec.batch ?? []))]);
+    setText(summary, summed(jobs, areMore, workers));
+    more.hidden = !areMore;
+    nothing.hidden = jobs.length > 0;
+    const shown = `${asked.size > 0} ${maySubmit()}`;
     if (!nothing.hidden && nothing.dataset.shown !== shown) {
       nothing.dataset.shown = shown;
-      nothing.replaceChildren(...emptiness(filtered));
+      nothing.replaceChildren(...emptiness(asked.size > 0));
     }
   }
 
@@ -194,7 +154,7 @@ export function open(main, { signal, go }) {
     await refresh();
     took = performance.now() - began;
   }
-  repeat(timed, () => Math.max(feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS, 10 * took), signal);
+  repeat(timed, () => Math.max(jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS, 10 * took), signal);
 }
 
 /**
@@ -239,10 +199,9 @@ function summed(jobs, more, workers) {
 /** @param {boolean} filtered */
 function emptiness(filtered) {
   if (filtered) return [h("p", {}, "No job matches."), h("a", { href: "/" }, "Show all jobs")];
-  if (!maySubmit()) return [h("p", { class: "lead" }, "Nothing to see yet.")];
-  return [
-    h("p", { class: "lead" }, "Nothing to see yet."),
+  const lead = h("p", { class: "lead" }, "Nothing to see yet.");
+  if (!maySubmit()) return [lead];
+  return [lead,
     h("p", {}, "Submit a Mitsuba scene, and watch it until more samples change nothing that you could see."),
-    h("a", { class: "button primary", href: "/submit" }, "Submit a scene"),
-  ];
+    h("a", { class: "button primary", href: "/submit" }, "Submit a scene")];
 }

@@ -1,7 +1,6 @@
-// Dialogs: a question with two answers, and a form whose request may be refused.
+// Dialogs that hold a form, such as a question with two answers.
 
-import { h, setText } from "./dom.js";
-import { messageOf } from "./notices.js";
+import { h } from "./dom.js";
 
 /** @import { Attributes, Child } from "./dom.js" */
 
@@ -38,37 +37,4 @@ export function confirmed(question, explanation, yes, no = "Keep it") {
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"));
   });
-}
-
-/**
- * Opens a form whose request may be refused. It closes when `send` resolves; an error is shown in it.
- * @param {string} title
- * @param {string} yes - the label of the button that sends
- * @param {(Child | Child[])[]} inside
- * @param {{ send: () => Promise<() => unknown>, wait?: (waits: boolean, button: HTMLElement) => void }} doing
- *   `send` resolves to what to do once the dialog has closed; `wait` is called when a request begins and ends
- */
-export function openForm(title, yes, inside, { send, wait }) {
-  const wrong = h("p", { class: "bad", role: "alert" });
-  const button = h("button", { type: "submit", class: "primary" }, yes);
-  const dialog = openDialog(title, { onsubmit: submit }, ...inside, wrong,
-    h("div", { class: "answers" },
-      h("button", { type: "button", onclick: () => dialog.close() }, "Close"), button));
-
-  /** @param {SubmitEvent} event */
-  async function submit(event) {
-    event.preventDefault();
-    button.disabled = true;
-    setText(wrong, "");
-    wait?.(true, button);
-    try {
-      const next = await send();
-      dialog.close();
-      next();
-    } catch (error) {
-      setText(wrong, messageOf(error));
-      button.disabled = false;
-    }
-    wait?.(false, button);
-  }
 }

@@ -56,30 +56,11 @@ export function signButton(sign, meaning, act) {
 }
 
 /**
- * A scrolling table.
- * @param {string} label
- * @param {string[]} columns
- * @param {HTMLElement} body
- */
-export function table(label, columns, body) {
-  const head = h("thead", {}, h("tr", {}, columns.map((name) => h("th", { scope: "col" }, name))));
-  return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": label }, h("table", {}, head, body));
-}
-
-/**
  * An element of index.html.
  * @param {string} id
  */
 export function byId(id) {
   return /** @type {HTMLElement} */ (document.getElementById(id));
-}
-
-/**
- * The drawing context of a canvas.
- * @param {HTMLCanvasElement} canvas
- */
-export function drawing(canvas) {
-  return /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
 }
 
 /**

@@ -86,16 +86,6 @@ export function duration(seconds) {
 }
 
 /**
- * An estimated duration: to the minute, or to five seconds below two minutes.
- * @param {number} seconds
- */
-export function roughly(seconds) {
-  if (seconds < 120) return `${Math.max(5, Math.round(seconds / 5) * 5)}${NB}s`;
-  if (seconds < 5400) return `${Math.round(seconds / 60)}${NB}min`;
-  return `${TWO.format(seconds / 3600)}${NB}h`;
-}
-
-/**
  * A number of bytes, with a prefix.
  * @param {number} count
  */
@@ -146,18 +136,4 @@ export function ago(iso) {
   if (seconds < 5400) return `${Math.round(seconds / 60)} min ago`;
   if (seconds < 129_600) return `${Math.round(seconds / 3600)} h ago`;
   return `${Math.round(seconds / 86_400)} days ago`;
-}
-
-/**
- * The shares of a whole in percent, to a tenth, which add up to 100.
- * @param {number[]} counts
- */
-export function sharesOf(counts) {
-  const whole = counts.reduce((sum, count) => sum + count, 0);
-  const exact = counts.map((count) => (1000 * count) / whole);
-  const tenths = exact.map(Math.floor);
-  const lost = exact.map((share, at) => [share - tenths[at], at]).sort(([one], [other]) => other - one);
-  const missing = 1000 - tenths.reduce((sum, tenth) => sum + tenth, 0);
-  for (const [, at] of lost.slice(0, missing)) tenths[at] += 1;
-  return tenths.map((tenth) => `${THREE.format(tenth / 10)}${NB}%`);
 }

@@ -5,13 +5,13 @@ import { h, setText } from "./dom.js";
 
 /**
  * A field's value in the spec, its bounds and its texts. The input shows the value divided by `scale`;
- * `choices` have their titles, and the names of a list without choices are separated by commas.
+ * `choices` have their titles, the names of a list are separated by commas, and a flag is a box to tick.
  * @typedef {object} FieldAbout
  * @property {string} name
  * @property {string} label
- * @property {"number" | "text" | "names" | "choice"} [type]
+ * @property {"number" | "text" | "names" | "choice" | "flag"} [type]
  * @property {Record<string, string>} [choices]
- * @property {number | string} [value]
+ * @property {number | string | boolean} [value]
  * @property {string} [unit]
  * @property {string} [help]
  * @property {number} [scale]
@@ -23,7 +23,7 @@ import { h, setText } from "./dom.js";
  * @property {boolean} [optional]
  */
 
-/** @typedef {number | string | (string | number)[] | null | undefined} FieldValue */
+/** @typedef {number | string | boolean | (string | number)[] | null | undefined} FieldValue */
 
 let count = 0;
 
@@ -45,8 +45,8 @@ export class Field {
     const named = { id, name: this.path, "aria-describedby": `${id}-help ${id}-wrong` };
     /** @type {HTMLInputElement | HTMLSelectElement} */
     this.input = choices
-      ? h("select", { ...named, multiple: type === "names" }, Object.entries(choices ?? {}).map(([one, title]) => h("option", { value: one, selected: one === value }, title)))
-      : h("input", {
+      ? h("select", named, Object.entries(choices).map(([one, title]) => h("option", { value: one, selected: one === value }, title)))
+      : type === "flag" ? h("input", { ...named, type: "checkbox", checked: value === true }) : h("input", {
         ...named, type: type === "number" ? type : "text", min: this.#shown(min), max: this.#shown(max), step, maxlength,
         value: this.#shown(value), placeholder, required: !about.optional, autocomplete: "off",
       });
@@ -60,10 +60,8 @@ export class Field {
 
   /** The value for the spec; undefined if the field is optional and empty. */
   get value() {
-    const { type, choices, scale = 1, optional } = this.#about;
-    if (choices && type === "names" && this.input instanceof HTMLSelectElement) {
-      return [...this.input.selectedOptions].map((one) => one.value);
-    }
+    const { type, scale = 1, optional } = this.#about;
+    if (type === "flag") return /** @type {HTMLInputElement} */ (this.input).checked;
     const text = this.input.value.trim();
     if (optional && text === "") return undefined;
     if (type === "names") return text.split(",").map((one) => one.trim()).filter(Boolean);
@@ -71,23 +69,18 @@ export class Field {
   }
 
   /**
-   * Shows another value of the spec.
+   * Shows another value of the spec; undefined is the default.
    * @param {FieldValue} value
    */
-  fill(value) {
+  fill(value = this.#about.value) {
     this.blame("");
-    if (this.input instanceof HTMLSelectElement && this.input.multiple) {
-      const names = Array.isArray(value) ? value : [];
-      for (const option of this.input.options) option.selected = names.includes(option.value);
-      return;
-    }
-    const shown = Array.isArray(value) ? value.join(", ") : this.#shown(value ?? "");
-    this.input.value = String(shown);
+    if (this.#about.type === "flag") /** @type {HTMLInputElement} */ (this.input).checked = value === true;
+    else this.input.value = String(Array.isArray(value) ? value.join(", ") : this.#shown(value ?? ""));
   }
 
   /**
    * A value of the spec as the input shows it.
-   * @param {number | string | undefined} value
+   * @param {number | string | boolean | undefined} value
    */
   #shown(value) {
     return typeof value === "number" ? rounded(value / (this.#about.scale ?? 1)) : value;
@@ -123,9 +116,9 @@ export function fieldsOf(part, abouts) {
     fields,
     elements: fields.map((field) => field.element),
     values: () => valuesOf(fields),
-    /** Shows the values of a part of a spec. @param {object} spec */
+    /** Shows the values of a part of a spec; fields without one have their defaults. @param {object} spec */
     fill: (spec) => {
-      for (const field of fields) if (field.name in spec) field.fill(/** @type {Record<string, FieldValue>} */ (spec)[field.name]);
+      for (const field of fields) field.fill(/** @type {Record<string, FieldValue>} */ (spec)[field.name]);
     },
   };
 }
@@ -133,7 +126,7 @@ export function fieldsOf(part, abouts) {
 /**
  * The values of fields by name, without empty optional ones.
  * @param {Field[]} fields
- * @returns {Record<string, string | number | string[]>}
+ * @returns {Record<string, string | number | boolean | string[]>}
  */
 export function valuesOf(fields) {
   return Object.fromEntries(fields.flatMap(({ name, value }) => (value === undefined ? [] : [[name, value]])));

@@ -1,64 +1,101 @@
-// The controls of a job: pause, resume, cancel, and priority.
+// What can be done with jobs, one or many at once: pause, resume, cancel, delete, restore, and a priority.
 
 import { send } from "./api.js";
 import { confirmed } from "./dialogs.js";
 import { h } from "./dom.js";
-import { whole } from "./figures.js";
+import { several } from "./figures.js";
 import { ENDED } from "./job_summary.js";
-import { attempt } from "./notices.js";
+import { complain, messageOf, say } from "./notices.js";
 import { maySteer } from "./permissions.js";
 
 /**
- * Whether a job may still be paused, cancelled or given another priority, with this key.
- * @param {Api.JobView} job
+ * @typedef {object} Action
+ * @property {string} label
+ * @property {string} done
+ * @property {string} [explanation] - of what it does, for one that is asked for twice
+ * @property {(job: Api.JobView) => boolean} fits - whether it can be done with a job
+ * @property {(job: Api.JobView) => Promise<unknown>} request
  */
-export function mayControl(job) {
-  return !ENDED.has(job.state) && maySteer(job);
-}
 
-/**
- * A form that sets a priority.
- * @param {number} value
- * @param {(priority: number) => unknown} set
- */
-export function priorityForm(value, set) {
-  const input = h("input", { type: "number", step: 1, value, "aria-label": "Priority" });
-  return h("form", { class: "priority", onsubmit: (event) => {
+const isOpen = (/** @type {Api.JobView} */ { state }) => !ENDED.has(state);
+
+/** @type {Action[]} */
+const ACTIONS = [
+  { label: "Pause", done: "paused", fits: ({ state }) => state === "rendering", request: ({ links }) => send("POST", links.pause) },
+  { label: "Resume", done: "resumed", fits: ({ state }) => state === "paused", request: ({ links }) => send("POST", links.resume) },
+  { label: "Cancel", done: "cancelled", fits: isOpen, request: ({ links }) => send("POST", links.cancel),
+    explanation: "What has been rendered by then is kept as an image." },
+  { label: "Delete", done: "deleted", fits: (job) => !isOpen(job) && !job.deleted_at, request: ({ links }) => send("DELETE", links.self),
+    explanation: "The list of jobs shows what is deleted under Show, from where it can be restored for some days." },
+  { label: "Restore", done: "restored", fits: (job) => Boolean(job.deleted_at), request: ({ links }) => send("POST", links.restore) },
+];
+/** How many requests are made at once. */
+const AT_ONCE = 4;
+
+export class JobControls {
+  /** @type {Api.JobView[]} */
+  #jobs = [];
+  #changed;
+  #shown = "";
+  #buttons = ACTIONS.map((action) =>
+    h("button", { class: action.explanation ? "danger" : "", onclick: () => this.#ask(action) }, `${action.label}${action.explanation ? "…" : ""}`));
+  #input = h("input", { type: "number", step: 1, required: true, "aria-label": "Priority" });
+  #priority = h("form", { class: "priority", onsubmit: (event) => {
     event.preventDefault();
-    set(Number(input.value));
-  } }, h("label", {}, "Priority ", input), h("button", {}, "Set"));
+    const priority = Number(this.#input.value);
+    this.#do({ label: "", done: `given priority ${priority}`, fits: isOpen, request: ({ links }) => send("PATCH", links.self, { priority }) });
+  } }, h("label", {}, "Priority ", this.#input), h("button", {}, "Set"));
+  elements = [...this.#buttons, this.#priority];
+
+  /** @param {() => unknown} changed - called when jobs were changed */
+  constructor(changed) {
+    this.#changed = changed;
+  }
+
+  /**
+   * Offers what can be done with any of these jobs, by this key.
+   * @param {Api.JobView[]} jobs
+   */
+  show(jobs) {
+    this.#jobs = jobs.filter(maySteer);
+    ACTIONS.forEach(({ fits }, at) => (this.#buttons[at].hidden = !this.#jobs.some(fits)));
+    this.#priority.hidden = !this.#jobs.some(isOpen);
+    const priority = String(this.#jobs[0]?.spec.priority ?? 0);
+    if (priority !== this.#shown) this.#input.value = this.#shown = priority;
+  }
+
+  /** @param {Action} action */
+  async #ask(action) {
+    const { label, fits, explanation } = action;
+    if (!explanation) return await this.#do(action);
+    const jobs = this.#jobs.filter(fits);
+    const what = jobs.length === 1 ? "the job" : several(jobs.length, "job");
+    if (await confirmed(`${label} ${named(jobs)}?`, explanation, `${label} ${what}`)) await this.#do(action);
+  }
+
+  /**
+   * Sends a request for each of the jobs that an action fits, and says for which it was done, and why others were refused.
+   * @param {Action} action
+   */
+  async #do({ done, fits, request }) {
+    const jobs = this.#jobs.filter(fits);
+    const queue = jobs.values();
+    /** @type {Set<Api.JobView>} */
+    const changed = new Set();
+    /** @type {string[]} */
+    const refused = [];
+    await Promise.all(Array.from({ length: AT_ONCE }, async () => {
+      for (const job of queue) {
+        await request(job).then(() => changed.add(job), (error) => refused.push(`${job.name}: ${messageOf(error)}`));
+      }
+    }));
+    complain(refused.length ? `Refused for ${refused.length} of ${several(jobs.length, "job")}. ${refused[0]}` : "", true);
+    if (changed.size) say(`${named([...changed])} ${changed.size === 1 ? "is" : "are"} ${done}`);
+    await this.#changed();
+  }
 }
 
-/**
- * The controls for a job in its state; none for an ended job.
- * @param {() => Api.JobView} jobNow - the job at the time of a click
- * @param {() => unknown} refresh
- */
-export function controls(jobNow, refresh) {
-  const job = jobNow();
-  if (!mayControl(job)) return [];
-  const move = (/** @type {string} */ path, /** @type {string} */ done) => () =>
-    attempt(() => send("POST", path), done, refresh);
-  const name = job.name;
-  /** @type {HTMLElement[]} */
-  const found = [];
-  if (job.state === "rendering") {
-    found.push(h("button", { onclick: move(job.links.pause, `${name} is paused`) }, "Pause"));
-  }
-  if (job.state === "paused") {
-    found.push(h("button", { onclick: move(job.links.resume, `${name} is resumed`) }, "Resume"));
-  }
-  found.push(h("button", { class: "danger", onclick: cancel }, "Cancel"));
-  async function cancel() {
-    const { committed_spp: spp } = jobNow();
-    const kept = spp
-      ? `It keeps the image that it has by then, at ${whole(spp)} spp or a little more.`
-      : "No slice of it has been rendered yet, so it will have no image.";
-    if (await confirmed(`Cancel ${name}?`, kept, "Cancel the job")) {
-      await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
-    }
-  }
-  found.push(priorityForm(job.spec.priority, (priority) =>
-    attempt(() => send("PATCH", job.links.self, { priority }), `${name} has priority ${priority}`, refresh)));
-  return found;
+/** @param {Api.JobView[]} jobs */
+function named(jobs) {
+  return jobs.length === 1 ? jobs[0].name : several(jobs.length, "job");
 }

@@ -1,6 +1,6 @@
 // Values derived from a job's JSON: its rules, duration and savings.
 
-import { duration } from "./figures.js";
+import { ago, duration } from "./figures.js";
 import { ruleNamed, valueIn } from "./rules.js";
 
 /** @import { Rule } from "./rules.js" */
@@ -126,6 +126,22 @@ export function durationSeconds(job) {
  */
 export function took(job) {
   return `took ${duration(durationSeconds(job))}`;
+}
+
+/**
+ * Since when a job is deleted, in words; "" if it is not.
+ * @param {Api.JobView} job
+ */
+export function deletedSince({ deleted_at: at }) {
+  return at ? `deleted ${ago(at)}` : "";
+}
+
+/**
+ * The beginning of a job's id, which every command takes for the whole.
+ * @param {Api.JobView} job
+ */
+export function shortId({ id }) {
+  return id.slice(0, 8);
 }
 
 /**

@@ -1,6 +1,6 @@
 // Messages to the user: what was done, and what is wrong.
 
-import { byId, h, setText, signButton } from "./dom.js";
+import { byId, setText } from "./dom.js";
 
 /**
  * Announces a text to screen readers.
@@ -27,36 +27,6 @@ export function complain(wrong, lasts = false) {
 /** Removes the error, unless it answers a user's action. */
 export function recovered() {
   if (!lasting) complain("");
-}
-
-/** How long an undo is offered; not while it is pointed at, or has the focus. */
-const UNDO_MS = 30_000;
-/** @type {ReturnType<typeof setTimeout>} */
-let closing;
-
-/**
- * Announces what was done, and shows it with a button that undoes it.
- * @param {string} done
- * @param {() => Promise<unknown>} undo
- */
-export function offerUndo(done, undo) {
-  const place = byId("done");
-  const close = () => {
-    clearTimeout(closing);
-    place.hidden = true;
-    place.replaceChildren();
-  };
-  const closeLater = () => {
-    clearTimeout(closing);
-    closing = setTimeout(() => (place.matches(":hover, :focus-within") ? closeLater() : close()), UNDO_MS);
-  };
-  closeLater();
-  say(done);
-  place.replaceChildren(
-    h("span", {}, `${done}.`),
-    h("button", { onclick: () => { close(); undo().catch((error) => complain(error, true)); } }, "Undo"),
-    signButton("✕", "Close", close));
-  place.hidden = false;
 }
 
 /**

@@ -16,16 +16,10 @@ export async function decoded(blob) {
 /** An <img> that shows the picture at a path. */
 export class Picture {
   #image;
-  /** @type {string | null} */
-  #tag = null;
-  /** @type {string | null} */
-  #path = null;
-  #wanted = "";
-  /**
-   * The shown picture's file; null before the first.
-   * @type {Blob | null}
-   */
-  file = null;
+  /** The path and the ETag of the shown picture. */
+  #shown = "";
+  /** @type {{ path: string, stop: AbortController, promise: Promise<void> } | null} */
+  #pending = null;
   /**
    * Samples per pixel of the shown image, if the API tells.
    * @type {number | null}
@@ -37,34 +31,40 @@ export class Picture {
     this.#image = image;
   }
 
-  /** The path of the shown picture; null before the first. */
-  get path() {
-    return this.#path;
-  }
-
   /**
-   * Fetches a picture and shows it if it is new; resolves to whether it is. The old one stays until
-   * the new one is decoded.
+   * Fetches a picture and shows it if it is new; the old one stays until the new one is decoded. It aborts a pending
+   * request for another one, and waits for one for the same.
    * @param {string} path
    * @param {AbortSignal} signal
    */
-  async show(path, signal) {
-    this.#wanted = path;
+  show(path, signal) {
+    if (this.#pending?.path === path) return this.#pending.promise;
+    this.#pending?.stop.abort();
+    const stop = new AbortController();
+    const promise = this.#fetch(path, AbortSignal.any([signal, stop.signal])).finally(() => {
+      if (this.#pending?.stop === stop) this.#pending = null;
+    });
+    this.#pending = { path, stop, promise };
+    return promise;
+  }
+
+  /**
+   * @param {string} path
+   * @param {AbortSignal} signal
+   */
+  async #fetch(path, signal) {
     const { blob, tag, spp } = await bytes(path, signal);
-    if (path === this.#path && tag && tag === this.#tag) return false;
+    const found = `${path} ${tag}`;
+    if (tag && found === this.#shown) return;
     const url = await decoded(blob);
-    // Another picture was requested meanwhile.
-    if (this.#wanted !== path) {
+    if (signal.aborted) {
       URL.revokeObjectURL(url);
-      return false;
+      throw signal.reason;
     }
     this.letGo();
     this.#image.src = url;
-    this.file = blob;
     this.spp = spp;
-    this.#path = path;
-    this.#tag = tag;
-    return true;
+    this.#shown = found;
   }
 
   /** Frees the memory of the shown picture. */

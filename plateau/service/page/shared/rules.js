@@ -57,38 +57,12 @@ export function ruleNamed(wanted) {
 }
 
 /**
- * The field of a rule's parameter in this role; undefined if it has none.
- * @param {Api.ParameterRole} role
- * @param {{ name: string }} rule
- */
-export function fieldIn(role, rule) {
-  return ruleNamed(rule.name)?.fields.find((one) => one.role === role);
-}
-
-/**
  * The value of a job's rule in this role; null if it has none.
  * @param {Api.ParameterRole} role
  * @param {Rule} rule
  */
 export function valueIn(role, rule) {
-  const found = fieldIn(role, rule);
-  return found ? parametersOf(rule)[found.name] ?? null : null;
-}
-
-/**
- * The parameters of a job's rule.
- * @param {Rule} rule
- * @returns {Record<string, number>}
- */
-export function parametersOf({ name: _name, ...parameters }) {
-  return parameters;
-}
-
-/**
- * The rules that are worth watching; one that stops at a number of samples is not.
- * @template {{ name: string }} Named
- * @param {Named[]} rules
- */
-export function watchable(rules) {
-  return rules.filter((rule) => !fieldIn("end_spp", rule));
+  const found = ruleNamed(rule.name)?.fields.find((one) => one.role === role);
+  const { name: _name, ...parameters } = rule;
+  return found ? /** @type {Record<string, number>} */ (parameters)[found.name] ?? null : null;
 }

@@ -20,6 +20,8 @@ export const VIEW = [
   { name: "pixels_per_degree", label: "Or pixels in a degree",
     help: "About 38 on a desk, 57 in a cinema, 120 on a phone, for images of any size. Empty: by the angle." },
   { name: "primaries", label: "Primaries" },
+  { name: "background", label: "Background", type: "text", value: "", optional: true,
+    help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." },
 ];
 
 /** @type {FieldAbout[]} */
@@ -39,11 +41,10 @@ export const ZONES = [
     help: "Smaller zones follow the noise more closely; a multiple of 16." },
 ];
 
-/** The channels of image.exr besides colour, by their names in a spec. */
-export const AOVS = {
-  albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
-  shape_id: "Shape ids", primitive_id: "Primitive ids",
-};
+/** Of Open Image Denoise. @type {FieldAbout[]} */
+export const DENOISER = [
+  { name: "guides", label: "With guides", help: "What the surfaces are keeps texture from being taken for noise." },
+];
 
 /** How image.exr is written. @type {FieldAbout[]} */
 export const EXR = [
@@ -63,6 +64,11 @@ export const MORE = [
   { name: "slice_spp", label: "Slice", unit: "spp", help: "What a worker renders at a time." },
   { name: "seed", label: "Seed", help: "Another seed draws other samples." },
   { name: "sensor", label: "Sensor", help: "The scene's camera, by its index." },
+  { name: "watch", label: "Rules to watch", type: "names", value: "", optional: true,
+    help: "Names, separated by commas: they stop nothing, and mark the curve where they would have." },
+  { name: "keep_slices", label: "Keep every slice", help: "To compare any two points of the curve, and to judge the job again; a few MB each." },
+  { name: "aovs", label: "Channels of image.exr", type: "names", value: "", optional: true,
+    help: "Besides colour: albedo, normal, depth, position, uv, shape_id, primitive_id, separated by commas." },
 ];
 
 /** Which workers render it. @type {FieldAbout[]} */
@@ -86,13 +92,11 @@ export const NOTICE = [
 ];
 
 /**
- * Offers the targets that the farm's operator has named; without any, the field takes text.
+ * Names the targets that the farm's operator has named.
  * @param {{ targets: string[] }} named
  */
 export function offer({ targets }) {
-  if (!targets.length) return;
-  const choices = Object.fromEntries(targets.map((one) => [one, one]));
-  Object.assign(NOTICE[0], { choices, help: "Several with Ctrl or Shift." });
+  if (targets.length) NOTICE[0].help = `Of ${targets.join(", ")}, separated by commas.`;
 }
 
 /**
@@ -104,7 +108,7 @@ export function describe(schema) {
   Object.assign(PLACES, parts.ViewSpec?.["x-places"]);
   for (const fields of [LIMITS, MORE, WORKERS]) complete(fields, schema);
   for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
-    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [NOTICE, "NoticeSpec"],
+    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [DENOISER, "OidnDenoising"], [EXR, "ExrSpec"], [NOTICE, "NoticeSpec"],
   ])) complete(fields, parts[part]);
 }
 
@@ -147,6 +151,7 @@ function described(said) {
     said.anyOf?.find((one) => one.type !== "null") ?? said;
   const help = sentence((said.description ?? "").replaceAll("`", ""));
   if (choices) return { type: "choice", value: said.default, choices: Object.fromEntries(choices.map((one) => [one, one])), help };
+  if (type === "boolean") return { type: "flag", value: said.default, help };
   if (type === "array") return { type: "names", value: (said.default ?? []).join(", "), optional: true, help };
   if (type === "string") return { type: "text", value: said.default ?? "", maxlength, optional: isOptional, help };
   return { type: "number", value: said.default ?? "", min, max, step: multipleOf ?? (type === "integer" ? 1 : "any"), optional: isOptional, help };

@@ -1,55 +1,57 @@
 // The fields of a job's spec, but for the scene's parameters.
 
 import { h } from "../shared/dom.js";
-import { Field, fieldsOf } from "../shared/form_fields.js";
+import { fieldsOf } from "../shared/form_fields.js";
 import { say } from "../shared/notices.js";
-import { AOVS, EXR, LIMITS, MORE, NOTICE, PLACES, VIEW, WORKERS } from "../shared/spec_fields.js";
-import { AllocationChoice } from "./allocation_choice.js";
-import { DenoiseChoice } from "./denoise_choice.js";
-import { RuleChoice } from "./rule_choice.js";
+import { RULES } from "../shared/rules.js";
+import { DENOISER, EXR, LIMITS, MORE, NOTICE, PLACES, VIEW, WORKERS, ZONES } from "../shared/spec_fields.js";
+import { Alternatives } from "./alternatives.js";
+import { presets } from "./presets.js";
 
 /** @type {Record<string, string>} */
 const TITLES = { desk: "on a desk", phone: "on a phone", cinema: "in a cinema" };
 
 export class SpecForm {
-  rule = new RuleChoice();
-  #allocation = new AllocationChoice();
-  #denoise = new DenoiseChoice();
+  #rule = new Alternatives("rule", "The rule that ends it",
+    RULES.map((rule) => ({ ...rule, isRare: !rule.featured })), RULES.find((rule) => rule.default)?.name);
+  #allocation = new Alternatives("allocation", "Where its samples go", [
+    { name: "frame", title: "All over the frame", help: "Every pixel has the same samples." },
+    { name: "zones", title: "To the zones that need them", fields: ZONES,
+      help: "From the third step on, each step goes to the zones in which more is left to see." },
+  ], "frame");
+  #denoise = new Alternatives("denoise", "Whether it is denoised", [
+    { name: "none", title: "No", help: "The image is the mean of its samples." },
+    { name: "oidn", title: "By Open Image Denoise", fields: DENOISER,
+      help: "Where that is nearer to the truth, and only there. The rule judges the denoised image." },
+  ], "none");
   #view = fieldsOf("spec.view", VIEW);
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #workers = fieldsOf("spec", WORKERS);
   #notice = fieldsOf("spec.notice", NOTICE);
   #exr = fieldsOf("spec.exr", EXR);
-  #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
-  #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
-    help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
-  #keep = h("input", { type: "checkbox", id: "keep-slices" });
   /** What of a filled in spec has no field. */
   #kept = {};
   /** @type {Partial<Api.JobSpec["view"]>} */
   #keptView = {};
+  /** @type {Api.JobSpec["watch"]} */
+  #watched = [];
   elements;
   #details;
 
-  /** @param {HTMLElement} presets - shown above the rules */
-  constructor(presets) {
+  constructor() {
+    const part = (/** @type {string} */ legend, /** @type {(Element | Element[])[]} */ ...inside) => h("fieldset", {}, h("legend", {}, legend), ...inside);
+    const group = (/** @type {Element[]} */ ...fields) => h("div", { class: "fields" }, fields);
     this.elements = [
-      h("fieldset", {}, h("legend", {}, "When is it done?"), presets, this.rule.element),
-      this.#allocation.element,
-      this.#denoise.element,
-      h("fieldset", {}, h("legend", {}, "How is it viewed?"), this.#places(), h("div", { class: "fields" }, this.#view.elements)),
-      h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
+      part("When is it done?", presets((rule) => this.#rule.fill(rule)), this.#rule.element),
+      part("Where do its samples go?", this.#allocation.element),
+      part("Is it denoised?", this.#denoise.element),
+      part("How is it viewed?", this.#places(), group(...this.#view.elements)),
+      part("Limits", group(...this.#limits.elements)),
       (this.#details = h("details", {}, h("summary", {}, "More"),
-        h("div", { class: "fields" }, this.#more.elements, this.#background.element),
-        h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
-        h("fieldset", {}, h("legend", {}, "Who hears of its end?"), h("div", { class: "fields" }, this.#notice.elements)),
-        h("fieldset", { class: "watch" }, h("legend", {}, "Besides colour, image.exr has"),
-          Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
-        h("div", { class: "fields small" }, this.#exr.elements),
-        h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
-          "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
-        this.rule.watched)),
+        group(...this.#more.elements, ...this.#exr.elements),
+        part("Who renders it?", group(...this.#workers.elements)),
+        part("Who hears of its end?", group(...this.#notice.elements)))),
     ];
   }
 
@@ -57,7 +59,7 @@ export class SpecForm {
   #places() {
     return h("p", { class: "places", role: "group", "aria-label": "Places" }, "Pixel by pixel ",
       Object.entries(PLACES).map(([name, view]) => h("button", { type: "button", onclick: () => {
-        for (const field of this.#view.fields) if (field.name in view) field.fill(view[field.name]);
+        this.#view.fill({ ...this.#view.values(), ...view });
         say(`The view below is that of a ${name}.`);
       } }, TITLES[name] ?? name)));
   }
@@ -67,25 +69,24 @@ export class SpecForm {
    * @param {Api.JobSpec} spec
    */
   fill(spec) {
-    const { zones, frame_seed, view, aovs } = spec;
+    const { zones, frame_seed, view, watch } = spec;
     this.#kept = { zones, frame_seed };
     this.#keptView = view.focus ? { focus: view.focus } : {};
-    for (const part of [this.#limits, this.#more, this.#workers]) part.fill(spec);
+    this.#watched = watch;
+    for (const part of [this.#limits, this.#workers]) part.fill(spec);
+    this.#more.fill({ ...spec, watch: watch.map(({ name }) => name) });
     this.#notice.fill({ targets: spec.notice.targets });
     this.#view.fill(view);
     this.#exr.fill(spec.exr);
-    this.#background.fill(view.background.some(Boolean) ? view.background : "");
     this.#allocation.fill(spec.allocation);
     this.#denoise.fill(spec.denoise);
-    this.rule.fill(spec);
-    for (const one of this.#aovs) one.checked = aovs.some((name) => name === one.value);
-    this.#keep.checked = spec.keep_slices;
+    this.#rule.fill(spec.rule);
     this.#details.open = true;
   }
 
   get fields() {
-    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#notice, this.#exr];
-    return [...this.rule.fields, ...this.#allocation.fields, ...groups.flatMap(({ fields }) => fields), this.#background];
+    return [this.#rule, this.#allocation, this.#denoise, this.#view, this.#limits, this.#more, this.#workers, this.#notice, this.#exr]
+      .flatMap(({ fields }) => fields);
   }
 
   /** The chosen camera. */
@@ -93,15 +94,14 @@ export class SpecForm {
     return this.#more.values().sensor ?? 0;
   }
 
-  /** The spec, without parameters. */
+  /** The spec, without parameters. A rule that a filled in spec watches keeps its parameters. */
   values() {
-    const background = this.#background.value;
+    const { watch, ...more } = this.#more.values();
     return {
-      ...this.#kept, ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), notice: this.#notice.values(),
-      ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
-      view: { ...this.#keptView, ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
-      aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
-      exr: this.#exr.values(), keep_slices: this.#keep.checked,
+      ...this.#kept, ...this.#limits.values(), ...more, ...this.#workers.values(),
+      ...this.#allocation.values(), ...this.#denoise.values(), ...this.#rule.values(),
+      watch: [watch ?? []].flat().map((name) => this.#watched.find((one) => one.name === name) ?? { name }),
+      view: { ...this.#keptView, ...this.#view.values() }, notice: this.#notice.values(), exr: this.#exr.values(),
     };
   }
 }

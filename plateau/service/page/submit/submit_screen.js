@@ -11,7 +11,6 @@ import { maySubmit, metMe } from "../shared/permissions.js";
 import { meetRules } from "../shared/rules.js";
 import { offer } from "../shared/spec_fields.js";
 import { Frames } from "./frames.js";
-import { presets } from "./presets.js";
 import { SpecForm } from "./spec_form.js";
 
 /** @import { ScreenContext } from "../main.js" */
@@ -63,8 +62,7 @@ class Submission {
   #given = {};
   #hint = h("p", { class: "lead", hidden: true });
   #frames = new Frames();
-  /** @type {SpecForm} */
-  #spec;
+  #spec = new SpecForm();
 
   #picker = h("input", { type: "file", id: "scene-file", class: "unseen",
     onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
@@ -89,7 +87,6 @@ class Submission {
   constructor(signal, go, scenes, again) {
     this.#signal = signal;
     this.#go = go;
-    this.#spec = new SpecForm(presets((rule) => this.#spec.rule.take(rule)));
     const drop = h("label", {
       class: "drop", for: "scene-file",
       ondragover: (event) => { event.preventDefault(); drop.classList.add("over"); },

@@ -3,7 +3,7 @@
 import { get, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
-import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
+import { ago, bytes, percent, several, three, whole } from "../shared/figures.js";
 import { attempt } from "../shared/notices.js";
 import { maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -11,7 +11,6 @@ import { repeat } from "../shared/polling.js";
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.Worker & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -22,20 +21,18 @@ export function open(main, { signal }) {
     h("p", { class: "lead" }, "There are no workers."),
     h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
-  const rows = new KeyedList(list, (/** @type {NamedWorker} */ worker) => new WorkerRow(worker, refresh));
-  /** @type {Map<string, Api.JobView | null>} */
-  const jobs = new Map();
+  /** The names of jobs by their ids, once they are known. @type {Map<string, string>} */
+  const names = new Map();
+  const rows = new KeyedList(list, (/** @type {Api.Worker} */ worker) => new WorkerRow(worker, names, refresh));
 
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers } = await get("/v1/workers", signal);
-    const named = workers.flatMap(({ job, left_out_of: left, last_slices: last }) => [...(job ? [job] : []), ...left, ...last.map((one) => one.job)]);
-    const unknown = new Set(named.filter((id) => !jobs.has(id)));
-    await Promise.all([...unknown].map(async (id) => {
-      jobs.set(id, await get(`/v1/jobs/${id}`, signal).catch(() => null));
-    }));
+    const named = workers.flatMap(({ job, left_out_of: left }) => [...(job ? [job] : []), ...left]);
+    const unknown = new Set(named.filter((id) => !names.has(id)));
+    await Promise.all([...unknown].map(async (id) => names.set(id, (await get(`/v1/jobs/${id}`, signal).catch(() => null))?.name ?? id)));
     workers.sort((a, b) => a.id.localeCompare(b.id));
-    rows.show(workers.map((worker) => ({ ...worker, jobOf: (/** @type {string} */ id) => jobs.get(id) ?? null })), ({ id }) => id);
+    rows.show(workers, ({ id }) => id);
     const busy = workers.filter(({ job }) => job).length;
     const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
     setText(summary, workers.length
@@ -55,22 +52,22 @@ class WorkerRow {
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
   #machine = h("p", { class: "summary machine" });
-  #last = h("ol", { class: "last-slices" });
-  #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
-  #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
   #trouble = h("p", { class: "bad" });
   #leftOut = h("p", { class: "summary left-out" });
   #drain = h("button");
   #worker;
+  #names;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut, this.#slices, this.#kinds);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#leftOut);
 
   /**
-   * @param {NamedWorker} worker
+   * @param {Api.Worker} worker
+   * @param {Map<string, string>} names - of jobs
    * @param {() => Promise<void>} refresh
    */
-  constructor(worker, refresh) {
+  constructor(worker, names, refresh) {
     this.#worker = worker;
+    this.#names = names;
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
       const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
@@ -82,20 +79,23 @@ class WorkerRow {
     });
   }
 
-  /** @param {NamedWorker} worker */
+  /** @param {Api.Worker} worker */
   update(worker) {
     this.#worker = worker;
     this.#drain.hidden = !maySteerWorkers();
     setText(this.#drain, worker.drained ? "Resume" : "Drain");
     setAttribute(this.#drain, "aria-label", `${worker.drained ? "Resume" : "Drain"} ${worker.id}`);
-    const { id, host, pid, variants, threads, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
+    const { id, host, pid, variants, threads, pool, tags, plateau, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
     setAttribute(this.element, "data-worker", id);
     setText(this.#name, id);
-    setText(this.#where, `${host}, process ${pid} · ${variants[0]} · ${several(threads, "thread")} · ${placed(worker)}${version(worker)}since ${ago(worker.started_at)}`);
+    setText(this.#where, [
+      `${host}, process ${pid}`, variants[0], several(threads, "thread"), pool !== "default" && `pool ${pool}`,
+      tags.length > 0 && `tags ${tags.join(", ")}`, plateau && `Plateau ${plateau}`, `since ${ago(worker.started_at)}`,
+    ].filter(Boolean).join(" · "));
     setAttribute(this.#does, "data-busy", String(Boolean(job)));
     if (job) {
       setAttribute(this.#job, "href", `/jobs/${job}`);
-      setText(this.#job, nameOf(worker, job));
+      setText(this.#job, this.#names.get(job) ?? job);
       const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
       if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, this.#rest);
       setText(this.#rest, text);
@@ -109,47 +109,17 @@ class WorkerRow {
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
     this.#showLeftOut(worker);
-    this.#showSlices(worker);
-    this.#showKinds(worker);
   }
 
-  /** @param {NamedWorker} worker */
+  /** @param {Api.Worker} worker */
   #showLeftOut(worker) {
     const { left_out_of: left } = worker;
     this.#leftOut.hidden = !left.length;
     if (this.#leftOut.dataset.shown === left.join()) return;
     this.#leftOut.dataset.shown = left.join();
-    this.#leftOut.replaceChildren("Left out for a while of ", ...left.flatMap((one, at) => [at ? ", " : "", h("a", { href: `/jobs/${one}` }, nameOf(worker, one))]));
+    this.#leftOut.replaceChildren("Left out for a while of ", ...left.flatMap((one, at) => [at ? ", " : "", h("a", { href: `/jobs/${one}` }, this.#names.get(one) ?? one)]));
   }
 
-  /** @param {NamedWorker} worker */
-  #showKinds({ kinds }) {
-    this.#kinds.hidden = !kinds.length;
-    if (kinds.join() === this.#kinds.dataset.shown) return;
-    this.#kinds.dataset.shown = kinds.join();
-    this.#kinds.replaceChildren(this.#kinds.children[0], ...kinds.map((kind) => h("p", {}, kind)));
-  }
-
-  /** @param {NamedWorker} worker */
-  #showSlices(worker) {
-    const last = worker.last_slices;
-    this.#slices.hidden = !last.length;
-    const items = last.map(({ job, slice, spp, render_s: seconds }) => ({ job, name: nameOf(worker, job), text: `, slice ${slice}: ${whole(spp)} spp in ${duration(seconds)}` }));
-    const shown = JSON.stringify(items);
-    if (this.#last.dataset.shown === shown) return;
-    this.#last.dataset.shown = shown;
-    this.#last.replaceChildren(...items.map(({ job, name, text }) => h("li", {}, h("a", { href: `/jobs/${job}` }, name), text)));
-  }
-}
-
-/**
- * The title of a job, or its id if it is not known.
- * @param {NamedWorker} worker
- * @param {string} id
- */
-function nameOf({ jobOf }, id) {
-  const job = jobOf(id);
-  return job ? job.name : id;
 }
 
 /**
@@ -165,23 +135,6 @@ function used({ machine, core_hours: hours }) {
     machine?.temperature_c != null && `${whole(machine.temperature_c)} °C`,
     hours && `${three(hours)} core hours rendered`,
   ].filter(Boolean).join(" · ");
-}
-
-/**
- * Its version, if it says so.
- * @param {Api.Worker} worker
- */
-function version({ plateau }) {
-  return plateau ? `Plateau ${plateau} · ` : "";
-}
-
-/**
- * Its pool and tags, if it has any of its own.
- * @param {Api.Worker} worker
- */
-function placed({ pool, tags }) {
-  const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];
-  return words.filter(Boolean).map((word) => `${word} · `).join("");
 }
 
 /**

@@ -28,7 +28,7 @@ def test_the_path_is_shown_to_who_asked_for_it_and_to_nobody_else(
     http: httpx.Client, client: redis.Redis
 ) -> None:
     # Given three keys, and a job of the first whose notice's path is its secret
-    limits = KeyLimits(requests_per_minute=6000, burst=100, upload_bytes=None, open_jobs=None)
+    limits = KeyLimits()
 
     def headers(role: Role) -> dict[str, str]:
         key = ApiKeys(client).create(f"a {role.value}", role, limits)[1]

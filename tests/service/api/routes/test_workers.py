@@ -11,10 +11,10 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
-from tests.farm.ledger.test_workers import about
 from tests.service.api.routes.test_jobs import problem
+from tests.support.farms.ledger_farm import about
 
-LIMITS = KeyLimits(requests_per_minute=1200, burst=200, upload_bytes=None, open_jobs=None)
+LIMITS = KeyLimits()
 
 
 @pytest.fixture

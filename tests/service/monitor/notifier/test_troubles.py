@@ -21,8 +21,8 @@ from plateau.farm.redis.link import connect
 from plateau.service.monitor.notifier import troubles as module
 from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
 from plateau.service.notices.targets import BadTargets, Targets, read_targets
-from tests.farm.ledger.test_workers import about
 from tests.service.monitor.notifier.test_notes import by_json, told
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.receiver import OK, Receiver, receiving
 from tests.support.until import until
 

@@ -50,7 +50,7 @@ class ShotFarm(NoiseFarm):
     def submit_shot(self, frames: int = FRAMES, **changed: object) -> list[str]:
         asked = {**SHOT, **changed, "parameters": [{"frame": place} for place in range(frames)]}
         specs = BatchSpec.model_validate(asked).job_specs("walk")
-        self.jobs.create_all(specs, name="walk", scene_sha256="00")
+        self.jobs.create(*specs, name="walk", scene_sha256="00")
         self.frames = self.jobs._redis.zrange("plateau:batch:walk", 0, -1)[-frames:]
         return self.frames
 

@@ -15,7 +15,11 @@ function for_farm.create(it)
     New.job(job, it.priority, 'created')
     After.wait(job.id, gates)
   end
-  if first.fields.shot then New.shot(it.jobs) end
+  if first.fields.shot then
+    local frames = {}
+    for place, job in ipairs(it.jobs) do frames[place] = job.id end
+    redis.call('HSET', job_key(first.id, 'shot'), 'frames', cjson.encode(frames), 'looks', 0)
+  end
   return {outcome = 'created', job = first.id}
 end
 

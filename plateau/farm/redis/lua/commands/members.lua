@@ -1,18 +1,10 @@
--- A monitor lives, or signs off without `about`, and its work is added to the totals. It reports its work
--- since its start, so that a repeated or a lost heartbeat counts nothing twice and loses nothing.
+-- A monitor lives, and owns so many jobs; without their number it signs off.
 function for_farm.monitor_heartbeat(it)
   local monitor = monitor_key(it.monitor)
-  for total, number in pairs(it.done) do
-    local more = number - (redis.call('HGET', monitor, 'did ' .. total) or 0)
-    if more > 0 then
-      count(total, more)
-      redis.call('HSET', monitor, 'did ' .. total, number)
-    end
-  end
-  if given(it.about) then redis.call('HSET', monitor, 'about', it.about, 'seen_at', now()) end
-  rank(MONITORS, it.monitor, given(it.about) and now() + it.life_ms)
-  redis.call('EXPIRE', monitor, 86400)
+  rank(MONITORS, it.monitor, it.jobs and now() + it.life_ms)
   redis.call('ZREMRANGEBYSCORE', MONITORS, '-inf', now() - 3600000)
+  redis.call('HSET', monitor, 'jobs', it.jobs or 0)
+  redis.call('EXPIRE', monitor, 3600)
 end
 
 -- Tell a worker to take no more slices, or to take some again. It finishes those that it has.

@@ -14,10 +14,10 @@ end
 function for_farm.renew(it)
   local lost = {}
   for _, one in ipairs(it.owned) do
-    if Job.is_owned(one.job, one.token) then
-      redis.call('PEXPIRE', job_key(one.job, 'owner'), it.lease_ms)
+    if Job.is_owned(one.job_id, one.token) then
+      redis.call('PEXPIRE', job_key(one.job_id, 'owner'), it.lease_ms)
     else
-      lost[#lost + 1] = one.job
+      lost[#lost + 1] = one.job_id
     end
   end
   return lost
@@ -26,9 +26,9 @@ end
 -- A monitor gives jobs back, so that another need not wait for its lease to run out.
 function for_farm.disown(it)
   for _, one in ipairs(it.owned) do
-    if Job.is_owned(one.job, one.token) then
-      redis.call('DEL', job_key(one.job, 'owner'))
-      redis.call('PUBLISH', WAKE_MONITORS, FREE .. one.job)
+    if Job.is_owned(one.job_id, one.token) then
+      redis.call('DEL', job_key(one.job_id, 'owner'))
+      redis.call('PUBLISH', WAKE_MONITORS, FREE .. one.job_id)
     end
   end
 end

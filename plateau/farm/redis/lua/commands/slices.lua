@@ -82,9 +82,7 @@ function for_workers.died(it)
     Slice.poison(it.job, it.index, causes)
     return 'poisoned'
   end
-  local others = Waiting.at_work(it.alive_ms)
-  others[it.worker] = nil
-  if Waiting.is_served(it.job, Waiting.class_of(it.job), others) then Waiting.leave_out(it.worker, it.job) end
+  if Waiting.is_served_by_another(it.worker, it.job, it.alive_ms) then Waiting.leave_out(it.worker, it.job) end
   Slice.put_back(it.job, it.entry, tries)
   return 'put back'
 end

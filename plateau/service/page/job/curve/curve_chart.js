@@ -1,12 +1,12 @@
 // A job's convergence: what has changed since the first image, the noise left, and the values of rules.
 
-import { h, setText, signButton } from "../../shared/dom.js";
+import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
 import { colours, compact } from "./axes.js";
 import { forecastOf } from "./marks.js";
-import { ChangedPanel, logToggle, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
-import { PointTable, told } from "./point_table.js";
+import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
+import { told } from "./point_words.js";
 // @ts-types="../../vendor/uPlot.d.ts"
 import uPlot from "../../vendor/uPlot.esm.js";
 
@@ -22,16 +22,13 @@ export class CurveChart {
   #points = [];
   /** @type {uPlot[]} */
   #plots = [];
-  /** @type {{ min: number, max: number } | null} */
-  #zoom = null;
   /** @type {number | null} */
   #at = null;
   /** @type {Panels} */
-  #panels = [new ChangedPanel(() => this.#build()), new NoiseLeftPanel(() => this.#build())];
+  #panels = [new ChangedPanel(), new NoiseLeftPanel()];
   #readout = h("p", { class: "readout" });
-  #table = new PointTable();
   #drawn = "";
-  #logX = logToggle("spp", false, () => this.#build());
+  #logX = h("input", { type: "checkbox", onchange: () => this.#build() });
   #host;
   #empty = h("p", { class: "lead" });
   #full;
@@ -40,18 +37,12 @@ export class CurveChart {
   constructor(signal) {
     this.#host = h("div", {
       class: "plots", tabindex: 0, role: "group",
-      "aria-label": "Convergence curve. Left and right select a point, plus and minus zoom, 0 shows all.",
+      "aria-label": "Convergence curve. Left and right select a point.",
       onkeydown: (event) => this.#key(event),
     }, this.#panels.flatMap(({ title, box }) => [title, box]));
     this.#full = h("div", { hidden: true },
-      h("div", { class: "tools" },
-        h("span", { class: "toggles", role: "group", "aria-label": "Logarithmic axes" },
-          "Logarithmic", this.#logX.label, this.#panels.map(({ toggle }) => toggle?.label ?? null)),
-        h("span", { class: "push" },
-          signButton("−", "Zoom out", () => this.#zoomBy(2)), signButton("+", "Zoom in", () => this.#zoomBy(0.5)),
-          signButton("All", "Show all of the curve", () => this.#zoomTo(null)))),
-      this.#host, this.#readout,
-      this.#table.element);
+      h("label", { class: "toggle" }, this.#logX, "Logarithmic spp"),
+      this.#host, this.#readout);
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
       h("h2", { id: "curve-title" }, "Convergence curve"), this.#empty, this.#full);
     const observer = new ResizeObserver(() => this.#resize());
@@ -125,7 +116,7 @@ export class CurveChart {
       width: Math.max(200, this.#host.clientWidth), height: panel.height, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
       legend: { show: false },
       scales: {
-        x: { time: false, auto: false, distr: this.#logX.input.checked ? 3 : 1 },
+        x: { time: false, auto: false, distr: this.#logX.checked ? 3 : 1 },
         y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
@@ -133,18 +124,12 @@ export class CurveChart {
         { ...axis, values: short, size: AXIS_PX },
       ],
       cursor: {
-        sync: { key: sync.key, setSeries: false }, drag: { x: true, y: false }, focus: { prox: 1e6 },
-        points: { size: 9 },
-        bind: { dblclick: () => () => { this.#zoomTo(null); return null; } },
+        sync: { key: sync.key, setSeries: false }, drag: { x: false, y: false }, focus: { prox: 1e6 },
+        points: { size: 9 }, bind: { dblclick: () => null },
       },
       hooks: {
         draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme)],
         setCursor: [(plot) => this.#read(plot.cursor.idx)],
-        setSelect: [(plot) => {
-          if (plot.select.width < 4) return;
-          const [min, max] = [plot.select.left, plot.select.left + plot.select.width].map((x) => plot.posToVal(x, "x"));
-          this.#zoomTo({ min, max });
-        }],
       },
     };
   }
@@ -159,7 +144,7 @@ export class CurveChart {
 
   #update() {
     if (!this.#plots.length) return;
-    const range = this.#zoom ?? this.#whole();
+    const range = this.#whole();
     this.#plots.forEach((plot, index) => plot.batch(() => {
       plot.setData(this.#data(this.#panels[index]), false);
       plot.setScale("x", range);
@@ -170,25 +155,8 @@ export class CurveChart {
     const last = this.#points[this.#points.length - 1].spp;
     const forecast = forecastOf(this.#points);
     const max = Math.max(last, this.#job.state === "rendering" ? Math.min(forecast?.spp ?? 0, 2.5 * last) : 0);
-    const min = this.#logX.input.checked ? this.#points[0].spp * 0.9 : 0;
+    const min = this.#logX.checked ? this.#points[0].spp * 0.9 : 0;
     return { min, max: max * 1.03 };
-  }
-
-  /** @param {number} factor */
-  #zoomBy(factor) {
-    const { min, max } = this.#zoom ?? this.#whole();
-    const middle = this.#at == null ? (min + max) / 2 : this.#points[this.#at].spp;
-    const all = this.#whole();
-    const next = { min: Math.max(all.min, middle - (middle - min) * factor), max: Math.min(all.max, middle + (max - middle) * factor) };
-    this.#zoomTo(factor > 1 && next.min <= all.min && next.max >= all.max ? null : next);
-  }
-
-  /** @param {{ min: number, max: number } | null} zoom */
-  #zoomTo(zoom) {
-    if (zoom && zoom.max - zoom.min < this.#job.spec.step / 2) return;
-    this.#zoom = zoom;
-    this.#update();
-    for (const plot of this.#plots) plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   }
 
   #resize() {
@@ -207,7 +175,6 @@ export class CurveChart {
   #words() {
     for (const panel of this.#panels) panel.words(this.#job, this.#points);
     if (this.#at == null) this.#read(null);
-    this.#table.show(this.#points);
   }
 
   /** @param {number | null | undefined} index */
@@ -224,9 +191,6 @@ export class CurveChart {
     if (step) this.#walk(Math.min(last, Math.max(0, (this.#at ?? (step > 0 ? -1 : last + 1)) + step)));
     else if (event.key === "Home") this.#walk(0);
     else if (event.key === "End") this.#walk(last);
-    else if (event.key === "+" || event.key === "=") this.#zoomBy(0.5);
-    else if (event.key === "-") this.#zoomBy(2);
-    else if (event.key === "0") this.#zoomTo(null);
     else return;
     event.preventDefault();
   }

@@ -16,21 +16,19 @@ import { drawForecast, drawLevel, drawStops, stopsOf } from "./marks.js";
 class Panel {
   box = h("div", { class: "plot" });
   title = h("p", { class: "plot-title" });
-  /** @type {ReturnType<typeof logToggle> | null} */
-  toggle = null;
 
-  /** @param {number} height - in CSS pixels */
-  constructor(height) {
+  /**
+   * @param {number} height - in CSS pixels
+   * @param {boolean} logarithmic - of its values' axis
+   */
+  constructor(height, logarithmic) {
     this.height = height;
+    this.logarithmic = logarithmic;
   }
 
   /** @returns {uPlot.Band[]} */
   bands(/** @type {Theme} */ _theme) {
     return [];
-  }
-
-  get logarithmic() {
-    return this.toggle?.input.checked ?? false;
   }
 
   /**
@@ -50,10 +48,8 @@ class Panel {
 export class ChangedPanel extends Panel {
   #slope = h("span", { class: "slope" });
 
-  /** @param {() => void} redraw */
-  constructor(redraw) {
-    super(250);
-    this.toggle = logToggle("changed", false, redraw);
+  constructor() {
+    super(250, false);
     this.title.append(h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope);
   }
 
@@ -78,7 +74,7 @@ export class ChangedPanel extends Panel {
 
   /** @returns {Range} */
   range(/** @type {Api.JobView} */ _job) {
-    return this.logarithmic ? decades(null) : fromZero;
+    return fromZero;
   }
 
   /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
@@ -100,10 +96,8 @@ export class ChangedPanel extends Panel {
 export class NoiseLeftPanel extends Panel {
   #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
 
-  /** @param {() => void} redraw */
-  constructor(redraw) {
-    super(200);
-    this.toggle = logToggle("noise left", true, redraw);
+  constructor() {
+    super(200, true);
     this.title.append(h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers", this.#undenoised);
   }
 
@@ -126,7 +120,7 @@ export class NoiseLeftPanel extends Panel {
 
   /** @param {Api.JobView} job @returns {Range} */
   range(job) {
-    return this.logarithmic ? decades(targetOf(job)) : fromZero;
+    return decades(targetOf(job));
   }
 
   /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
@@ -148,7 +142,7 @@ export class ValuePanel extends Panel {
 
   /** @param {Api.JobSpec["rule"]} rule */
   constructor(rule) {
-    super(170);
+    super(170, false);
     this.#rule = rule;
     const { quantity = "", unit = "" } = ruleNamed(rule.name) ?? {};
     this.title.append(h("b", {}, `${quantity.charAt(0).toUpperCase()}${quantity.slice(1)}`), ` in ${unit}, by the rule ${rule.name}`);
@@ -184,17 +178,6 @@ export class ValuePanel extends Panel {
  */
 export function rulesWithValues(job) {
   return rulesOf(job).filter(({ name }) => ruleNamed(name)?.quantity);
-}
-
-/**
- * A box that turns an axis into a logarithmic one.
- * @param {string} name
- * @param {boolean} checked
- * @param {() => void} act
- */
-export function logToggle(name, checked, act) {
-  const input = h("input", { type: "checkbox", checked, onchange: act });
-  return { input, label: h("label", { class: "toggle" }, input, name) };
 }
 
 /** @param {Api.JobView} job */

@@ -6,11 +6,9 @@ import { several, whole } from "../../shared/figures.js";
 import { comparisonOf, WITH } from "../../shared/job_summary.js";
 import { slider } from "./slider.js";
 
-/** @import { Source } from "./image_layer.js" */
+/** @typedef {{ name?: string, png: string }} Source  an image, or a map */
 
 const NEWEST = "newest";
-/** The jobs among which another one is offered. */
-const NEWEST_JOBS = 200;
 
 /** One of the two: a job, the pictures that it has, and the choice among them. */
 class Side {
@@ -34,14 +32,9 @@ class Side {
   async list(job, signal, isFirst) {
     /** @type {Api.PreviewList} */
     const { previews } = await get(job.links.previews, signal);
-    const isSame = job.id === this.job?.id && previews.length === this.previews.length && previews.every(({ spp }, at) => spp === this.previews[at].spp);
-    const value = (job.id === this.job?.id && this.select.value) || String(isFirst && previews.length ? previews[0].spp : NEWEST);
+    const value = this.select.value || String(isFirst && previews.length ? previews[0].spp : NEWEST);
     this.job = job;
     this.previews = previews;
-    if (isSame) {
-      setText(this.select.options[this.select.options.length - 1], nameOfNewest(job));
-      return;
-    }
     this.select.replaceChildren(...previews.map(({ spp }) => h("option", { value: spp }, `${whole(spp)} spp`)),
       h("option", { value: NEWEST }, nameOfNewest(job)));
     this.select.value = value;
@@ -55,16 +48,13 @@ class Side {
     const preview = this.previews.find(({ spp }) => String(spp) === this.select.value);
     if (!preview) return [newestOf(job)];
     const name = `${whole(preview.spp)} spp`;
-    return [{ name, png: preview.link, version: "" }];
+    return [{ name, png: preview.link }];
   }
 }
 
 export class Comparison {
   #left;
   #right;
-  /** @type {HTMLSelectElement} */
-  #other;
-  #choose;
   #wiped;
   #wipe;
   #signal;
@@ -77,15 +67,13 @@ export class Comparison {
    */
   constructor(choose, wipe, signal) {
     const label = (/** @type {string} */ name, /** @type {Element} */ one) => h("label", {}, h("span", {}, name), one);
-    this.#choose = choose;
     this.#wiped = wipe;
     this.#signal = signal;
     this.#left = new Side(choose);
     this.#right = new Side(choose);
     this.#wipe = slider("Wipe", { min: 0, max: 100, step: 0.5, value: 50 }, wipe);
-    this.#other = h("select", { "aria-label": "The other job", onchange: () => this.#turnTo(this.#other.value) }, h("option", { value: "" }, "this job"));
     this.element = h("div", { class: "panel" }, this.#wipe.label,
-      label("Left", this.#left.select), label("Right", this.#right.select), h("label", {}, h("span", {}, "of"), this.#other),
+      label("Left", this.#left.select), label("Right", this.#right.select),
       h("button", { class: "quiet", title: "F on the image", onclick: () => this.flip() }, "Flip"), this.#hint);
   }
 
@@ -128,39 +116,18 @@ export class Comparison {
   }
 
   /**
-   * Fetches the lists of images and of other jobs, and offers them.
+   * Fetches the lists of the images, of this job and of the other one if the page's address names one.
    * @param {Api.JobView} job
    * @param {Api.CurvePoint[]} points
    */
   async list(job, points) {
-    /** @type {Api.JobPage} */
-    const { jobs } = await get(`/v1/jobs?limit=${NEWEST_JOBS}`, this.#signal);
     const wanted = otherAsked();
     /** @type {Api.JobView | null} */
-    const asked = wanted && wanted !== job.id ? await get(`/v1/jobs/${encodeURIComponent(wanted)}`, this.#signal).catch(() => null) : null;
-    const alike = (/** @type {Api.JobView} */ one) => one.id !== job.id && comparisonOf(job, one);
-    const others = [...new Map([...jobs, ...(asked ? [asked] : [])].filter(alike).map((one) => [one.id, one])).values()];
-    const other = others.find(({ id }) => id === wanted) ?? null;
-    const ids = others.map(({ id }) => id).join();
-    if ([...this.#other.options].slice(1).map(({ value }) => value).join() !== ids) {
-      this.#other.replaceChildren(h("option", { value: "" }, "this job"), ...others.map((one) => h("option", { value: one.id }, named(one))));
-    }
-    this.#other.value = other?.id ?? "";
+    const found = wanted ? await get(`/v1/jobs/${encodeURIComponent(wanted)}`, this.#signal).catch(() => null) : null;
+    const other = found && comparisonOf(job, found) ? found : null;
     await Promise.all([this.#left.list(job, this.#signal, !other), this.#right.list(other ?? job, this.#signal, false)]);
-    const refused = wanted && !other && wanted !== job.id ? `Job ${wanted} has no image of ${job.width} × ${job.height} pixels to compare. ` : "";
+    const refused = wanted && !other ? `Job ${wanted} has no image of ${job.width} × ${job.height} pixels to compare. ` : "";
     setText(this.#hint, refused + kept(this.#left.previews, points));
-  }
-
-  /**
-   * Compares with another job, which the page's address names from now on; "" is this job.
-   * @param {string} id
-   */
-  #turnTo(id) {
-    const address = new URL(location.href);
-    if (id) address.searchParams.set(WITH, id);
-    else address.searchParams.delete(WITH);
-    history.replaceState(null, "", address);
-    this.#choose();
   }
 }
 
@@ -180,7 +147,7 @@ function named(job) {
  * @returns {Source}
  */
 export function newestOf(job) {
-  return { name: nameOfNewest(job), png: job.links.image_png, version: job.finished_at };
+  return { name: nameOfNewest(job), png: job.links.image_png };
 }
 
 /** @param {Api.JobView} job */

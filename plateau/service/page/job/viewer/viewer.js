@@ -5,44 +5,53 @@ import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { isByQuality, zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
+import { Picture } from "../../shared/picture.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { Exposure } from "./exposure.js";
-import { ImageLayer } from "./image_layer.js";
-import { qualityPanel, SamplesScale } from "./scales.js";
+import { ScaleBar } from "./scales.js";
 import { slider } from "./slider.js";
-import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
 
-/** @import { Source } from "./image_layer.js" */
-
-/** A fetch that takes longer is announced. */
-const SOON_MS = 400;
-/** @typedef {"image" | "compare" | "difference" | "noise" | "quality" | "samples" | "broken" | "zones"} Mode */
-/** @type {[Mode, string][]} */
-const MODES = [
-  ["image", "Image"],
-  ["compare", "Compare"],
-  ["difference", "Difference"],
-  ["noise", "Noise"],
-  ["quality", "Quality"],
-  ["samples", "Samples"],
-  ["broken", "Broken"],
-  ["zones", "Zones"],
-];
-
-/** @type {Mode[]} */
-const ALWAYS = ["image", "compare", "difference", "noise", "zones"];
+/** @import { Source } from "./comparison.js" */
 
 /**
- * Maps over the image, by mode: the link, and whether a job has the map.
- * @type {Partial<Record<Mode, { link: string, of: (job: Api.JobView) => unknown }>>}
+ * A map over the image: its name, the link, and whether a job has it.
+ * @typedef {object} MapAbout
+ * @property {string} text
+ * @property {string} link
+ * @property {(job: Api.JobView) => unknown} of
+ * @property {(job: Api.JobView) => unknown} [offered] - whether it is offered for a job; else always
+ * @property {string} hint - what its colours mean
+ * @property {(job: Api.JobView) => string} words - for the caption
  */
+
+const hasNoise = (/** @type {Api.JobView} */ job) => job.estimate_fraction != null;
+
+/** @type {Record<string, MapAbout>} */
 const MAPS = {
-  difference: { link: "difference_png", of: (job) => job.points },
-  noise: { link: "noise_png", of: (job) => job.estimate_fraction != null },
-  quality: { link: "quality_png", of: (job) => isByQuality(job) && job.estimate_fraction != null },
-  samples: { link: "spp_png", of: (job) => job.image_spp },
-  broken: { link: "non_finite_png", of: (job) => job.non_finite_pixels },
+  difference: {
+    text: "Difference", link: "difference_png", of: (job) => job.points,
+    hint: "Orange: changed since the first image, as a person sees it.", words: () => "on the image in dim grey",
+  },
+  noise: {
+    text: "Noise", link: "noise_png", of: hasNoise,
+    hint: "Orange: noise that a person could still see; darker, where that is as likely as not.",
+    words: (job) => (hasNoise(job) ? "on the image in dim grey" : "known from the second slice on"),
+  },
+  quality: {
+    text: "Quality", link: "quality_png", offered: isByQuality, of: (job) => isByQuality(job) && hasNoise(job),
+    hint: "What a person would see of the noise, by ColorVideoVDP. 1 JOD: three of four people prefer the converged image.",
+    words: (job) => (hasNoise(job) ? "where a person would see the noise" : "known from the second slice on"),
+  },
+  samples: {
+    text: "Samples", link: "spp_png", offered: zoneSize, of: (job) => job.image_spp,
+    hint: "Equal steps of colour are equal ratios.", words: (job) => `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
+  },
+  broken: {
+    text: "Broken", link: "non_finite_png", offered: (job) => job.non_finite_pixels, of: (job) => job.non_finite_pixels,
+    hint: "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.",
+    words: (job) => `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
+  },
 };
 
 export class Viewer {
@@ -51,68 +60,43 @@ export class Viewer {
   #job = null;
   /** @type {Api.CurvePoint[]} */
   #points = [];
-  /** @type {Mode} */
+  /** "image", "compare", or a map. */
   #mode = "image";
-  #lower = new ImageLayer();
-  #upper = new ImageLayer();
-  #zones = new ZoneMap();
-  #scale = new SamplesScale();
-  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], {
+  #lower = layer();
+  #upper = layer();
+  #stage = new Stage([this.#lower.element, this.#upper.element], {
     wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
     flip: () => this.#mode === "compare" && this.#compare.flip(),
   });
-  /**
-   * The mode whose picture is in the upper layer; null before there is one.
-   * @type {Mode | null}
-   */
-  #aboveOf = null;
+  /** The mode whose picture is in the upper layer. */
+  #aboveOf = "";
   #listed = "";
   #busy = false;
-  #asked = 0;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
   #compare;
   #exposure = new Exposure(() => { this.#layers(); this.#words(); });
   #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
-  #panels;
+  /** @type {Record<string, ScaleBar>} */
+  #scales = { quality: new ScaleBar(["nothing", "1.5 JOD", "3 JOD and more"]), samples: new ScaleBar([]) };
+  #map = h("div", { class: "panel" });
   #modes;
 
   /** @param {AbortSignal} signal */
   constructor(signal) {
     this.#signal = signal;
     this.#compare = new Comparison(() => { this.#listed = ""; this.#choose(); }, () => { this.#layers(); this.#words(); }, signal);
-    const zones = h("select", {},
-      h("option", { value: "estimate_fraction" }, "noise left"),
-      h("option", { value: "visible_fraction" }, "changed since the first image"));
-    zones.addEventListener("change", () => {
-      this.#zones.measure(zones.value === "estimate_fraction" ? "estimate_fraction" : "visible_fraction");
-      this.#words();
-    });
-    /** @type {Partial<Record<Mode, HTMLElement>>} */
-    this.#panels = {
-      compare: this.#compare.element,
-      difference: h("div", { class: "panel" },
-        h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
-      noise: h("div", { class: "panel" },
-        h("span", { class: "hint" }, "Orange: noise that a person could still see; darker, where that is as likely as not.")),
-      quality: qualityPanel(),
-      samples: this.#scale.element,
-      broken: h("div", { class: "panel" },
-        h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
-      zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
-    };
-    this.#modes = new Map(MODES.map(([mode, text]) =>
-      [mode, h("button", { "data-mode": mode, hidden: !ALWAYS.includes(mode), onclick: () => this.#turn(mode) }, text)]));
-    const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()]);
+    const names = { image: "Image", compare: "Compare", ...Object.fromEntries(Object.entries(MAPS).map(([mode, { text }]) => [mode, text])) };
+    this.#modes = new Map(Object.entries(names).map(([mode, text]) =>
+      [mode, h("button", { hidden: Boolean(MAPS[mode]?.offered), onclick: () => this.#turn(mode) }, text)]));
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
-      h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"), modes),
-      this.#nothing, this.#stage.element, this.#caption,
-      ...Object.values(this.#panels), this.#exposure.element);
+      h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"),
+        h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()])),
+      this.#nothing, this.#stage.element, this.#caption, this.#compare.element, this.#map, this.#exposure.element);
     this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
-      this.#lower.letGo();
-      this.#upper.letGo();
+      for (const { picture } of [this.#lower, this.#upper]) picture.letGo();
     });
   }
 
@@ -124,10 +108,9 @@ export class Viewer {
   async show(job, points) {
     this.#job = job;
     this.#points = points;
-    this.#zones.show(job, points[points.length - 1]);
-    this.#modes.get("broken")?.toggleAttribute("hidden", !job.non_finite_pixels);
-    this.#modes.get("quality")?.toggleAttribute("hidden", !isByQuality(job));
-    this.#modes.get("samples")?.toggleAttribute("hidden", !zoneSize(job));
+    const [least, most] = [job.spp_min ?? job.spp, job.spp_max ?? job.spp];
+    this.#scales.samples.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
+    for (const [mode, { offered }] of Object.entries(MAPS)) this.#modes.get(mode)?.toggleAttribute("hidden", offered && !offered(job));
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
       return;
@@ -158,16 +141,15 @@ export class Viewer {
     const mode = this.#mode;
     const [base, over] = this.#sources(job);
     await Promise.all([
-      this.#lower.show(base, this.#signal),
-      over && this.#upper.show(over, this.#signal),
+      this.#lower.picture.show(base.png, this.#signal),
+      over && this.#upper.picture.show(over.png, this.#signal),
     ]);
     if (over) this.#aboveOf = mode;
-    if (mode === "samples" && this.#upper.file) await this.#scale.show(this.#upper.file);
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
-    this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
-    this.#lower.describe(`The image of ${job.name} at ${whole(this.#lower.spp ?? job.spp)} spp`);
-    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? job.spp)} spp, at the right` : "");
+    this.#stage.fit(this.#lower.image.naturalWidth, this.#lower.image.naturalHeight);
+    this.#lower.image.alt = `The image of ${job.name} at ${whole(this.#lower.picture.spp ?? job.spp)} spp`;
+    this.#upper.image.alt = this.#mode === "compare" ? `The same at ${whole(this.#upper.picture.spp ?? job.spp)} spp, at the right` : "";
     this.#layers();
     this.#words();
   }
@@ -181,17 +163,18 @@ export class Viewer {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(job);
     const map = MAPS[this.#mode];
-    return map?.of(job) ? [newest, { png: job.links[map.link], version: newest.version }] : [newest];
+    return map?.of(job) ? [newest, { png: job.links[map.link] }] : [newest];
   }
 
-  /** @param {Mode} mode */
+  /** @param {string} mode */
   #turn(mode) {
     this.#mode = mode;
+    const map = MAPS[mode];
     for (const [name, button] of this.#modes) setAttribute(button, "aria-pressed", String(name === mode));
-    for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
-    this.#exposure.element.hidden = !isOfLight(mode);
-    if (isOverlaid(mode)) this.#panels[mode]?.prepend(this.#overlay.label);
-    this.#zones.element.toggleAttribute("hidden", mode !== "zones");
+    this.#compare.element.hidden = mode !== "compare";
+    this.#exposure.element.hidden = Boolean(map);
+    this.#map.hidden = !map;
+    if (map) this.#map.replaceChildren(this.#overlay.label, this.#scales[mode]?.element ?? "", h("span", { class: "hint" }, map.hint));
     this.#layers();
     this.#words();
     this.#choose();
@@ -199,20 +182,11 @@ export class Viewer {
 
   /** Shows what was just chosen, even while a fetch for the previous choice is under way. */
   async #choose() {
-    const job = this.#job;
-    if (!job?.image_spp) return;
-    const asked = (this.#asked += 1);
-    const patience = setTimeout(() => {
-      const names = this.#sources(job).map(({ name }) => name).filter(Boolean);
-      setText(this.#caption, `Getting ${names.join(" and ")} …`);
-    }, SOON_MS);
+    if (!this.#job?.image_spp) return;
     try {
-      await this.#look(job);
+      await this.#look(this.#job);
     } catch (error) {
       if (!isAbort(error)) setText(this.#caption, messageOf(error));
-    } finally {
-      clearTimeout(patience);
-      if (asked === this.#asked && this.#caption.textContent?.endsWith("…")) this.#words();
     }
   }
 
@@ -221,43 +195,24 @@ export class Viewer {
   #layers() {
     const [mode, above] = [this.#mode, this.#upper.element];
     above.hidden = mode !== this.#aboveOf;
-    above.style.opacity = isOverlaid(mode) ? `${this.#overlay.input.value}%` : "1";
+    above.style.opacity = MAPS[mode] ? `${this.#overlay.input.value}%` : "1";
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
-    for (const layer of [this.#lower, this.#upper]) layer.filter(isOfLight(mode) ? this.#exposure.filter : "none");
+    for (const { image } of [this.#lower, this.#upper]) image.style.filter = MAPS[mode] ? "none" : this.#exposure.filter;
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
   #words() {
-    const job = this.#job;
+    const [job, mode] = [this.#job, this.#mode];
     if (!job) return;
-    const size = job.width ? `${job.width} × ${job.height}` : "";
-    const spp = this.#lower.spp && this.#mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
-    const said = {
-      image: this.#exposure.filter === "none" ? "as its display shows it" : "at another exposure",
-      compare: this.#compare.caption(),
-      difference: "on the image in dim grey",
-      noise: job.estimate_fraction == null ? "known from the second slice on" : "on the image in dim grey",
-      quality: job.estimate_fraction == null ? "known from the second slice on" : "where a person would see the noise",
-      samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
-      broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
-      zones: this.#zones.caption(),
-    };
-    setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));
+    const exposed = this.#exposure.filter === "none" ? "as its display shows it" : "at another exposure";
+    const said = mode === "compare" ? this.#compare.caption() : MAPS[mode]?.words(job) ?? exposed;
+    const spp = this.#lower.picture.spp && mode !== "compare" ? `${whole(this.#lower.picture.spp)} spp` : "";
+    setText(this.#caption, [job.width ? `${job.width} × ${job.height}` : "", spp, said].filter(Boolean).join(" · "));
   }
 }
 
-/**
- * Whether a map covers the image, unless it is made transparent.
- * @param {Mode} mode
- */
-function isOverlaid(mode) {
-  return mode === "difference" || mode === "noise" || mode === "quality" || mode === "samples";
-}
-
-/**
- * Whether a mode shows images, rather than a map.
- * @param {Mode} mode
- */
-function isOfLight(mode) {
-  return mode === "image" || mode === "compare";
+/** One of the two pictures. */
+function layer() {
+  const image = h("img", { alt: "", class: "layer", draggable: "false" });
+  return { image, picture: new Picture(image), element: h("div", { class: "side" }, image) };
 }
