@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plateau.farm.model.job import CurvePoint
 
 _COUNTS: Final = ("spp", "visible_pixels", "non_finite_pixels")
-_APART: Final = frozenset({*_COUNTS, "at", "rules", "zones"})
+_APART: Final = frozenset({*_COUNTS, "at", "rules"})
 _FIGURES: Final = tuple(name for name in CurvePoint.model_fields if name not in _APART)
 
 

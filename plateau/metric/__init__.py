@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         half_buffer_estimate,
     )
     from plateau.metric.focus import focus_plane
-    from plateau.metric.forecasts import Forecast, forecast
+    from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from plateau.metric.rules.successive import Successive
     from plateau.metric.rules.visible import Visible
     from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
-    from plateau.metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "MAP_PALETTE",
@@ -83,7 +82,6 @@ __all__ = [
     "encode_srgb",
     "estimate_from",
     "focus_plane",
-    "forecast",
     "half_buffer_estimate",
     "heat_map",
     "noise_map",
@@ -92,8 +90,6 @@ __all__ = [
     "plan_round",
     "samples_map",
     "visible_differences",
-    "zone_edges",
-    "zone_fractions",
 ]
 
 _HOMES: Final = {
@@ -102,7 +98,7 @@ _HOMES: Final = {
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
     "focus": ("focus_plane",),
-    "forecasts": ("Forecast", "forecast"),
+    "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
     "pictures": (
@@ -125,7 +121,6 @@ _HOMES: Final = {
     "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
     "vdp": ("Difference", "Percept", "VisibleDifferences", "visible_differences"),
-    "zones": ("zone_edges", "zone_fractions"),
 }
 _HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}
 

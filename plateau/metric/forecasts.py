@@ -16,15 +16,12 @@ from plateau.metric.estimate import (
     DETERMINED,
     allowed_pixels,
     clump_in,
-    estimate_from,
     require_target,
 )
-from plateau.metric.noise_model import noise_model
 
 if TYPE_CHECKING:
-    from plateau.metric.display import Image
     from plateau.metric.estimate import Estimate
-    from plateau.metric.noise_model import Half, NoiseModel
+    from plateau.metric.noise_model import NoiseModel
     from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: The farthest forecast, as a multiple of the present samples.
@@ -87,57 +84,6 @@ class _Search:
         return self.below is not None and self.below[0] - self.above[0] < math.log(FINE_ENOUGH)
 
 
-def forecast(
-    metric: VisibleDifferences,
-    image: Image,
-    halves: tuple[Half, Half],
-    target: float,
-    *,
-    guess: int | None = None,
-) -> Forecast:
-    """Return the spp at which the half-buffer estimate falls to a target fraction of the pixels.
-
-    Parameters
-    ----------
-    metric
-        The predictor, for the view under which to judge.
-    image
-        The merged image of both halves, (H, W, 3).
-    halves
-        The even- and the odd-indexed slices.
-    target
-        Fraction of the pixels, between 0 and 1.
-    guess
-        An earlier forecast for this target, in spp, at which the search starts.
-
-    Raises
-    ------
-    ValueError
-        If the target is not between 0 and 1, or the halves and the image differ in size.
-
-    Notes
-    -----
-    It takes at most five evaluations beyond the estimate, all with one sign of the noise. The band
-    is calibrated on synthetic noise; docs/science/stopping.md has its coverage.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from plateau.metric import Half, View, VisibleDifferences
-    >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
-    >>> even, odd = np.float32(0.4) + noise
-    >>> halves = Half(even, 50), Half(odd, 50)
-    >>> seen = forecast(VisibleDifferences(View()), (even + odd) / 2, halves, 0.001)
-    >>> 100 < seen.low_spp < seen.spp < seen.high_spp
-    True
-    """
-    model = noise_model(metric, image, halves)
-    clean = metric.percept(model.clean)
-    estimate = estimate_from(metric, model, clean)
-    spp = int(sum(half.spp for half in halves))
-    return forecast_from(metric, model, clean, estimate, target, spp=spp, guess=guess)
-
-
 def forecast_from(
     metric: VisibleDifferences,
     model: NoiseModel,
@@ -146,11 +92,31 @@ def forecast_from(
     target: float,
     *,
     spp: int,
-    guess: int | None = None,
 ) -> Forecast:
-    """Return the forecast from a noise model, the percept of its clean image, and the estimate.
+    """Return the spp at which the half-buffer estimate falls to a target fraction of the pixels.
 
-    `spp` is that of the merged image.
+    Parameters
+    ----------
+    metric
+        The predictor, for the view under which to judge.
+    model, clean
+        The noise model of a merged image, and the percept of its clean image.
+    estimate
+        That of the merged image.
+    target
+        Fraction of the pixels, between 0 and 1.
+    spp
+        That of the merged image.
+
+    Raises
+    ------
+    ValueError
+        If the target is not between 0 and 1.
+
+    Notes
+    -----
+    It takes at most five evaluations, all with one sign of the noise. The band is calibrated on
+    synthetic noise; docs/science/stopping.md has its coverage.
     """
     require_target(target)
     allowed = allowed_pixels(target, model.pixels)
@@ -160,7 +126,7 @@ def forecast_from(
     search = _Search(above=(0.0, _over(estimate.pixels, allowed)))
     clump = clump_in(model, estimate.visible > 0)
     furthest = math.log(FURTHEST)
-    place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
+    place = search.crossing
     for _ in range(MOST_EVALUATIONS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))

@@ -34,7 +34,6 @@ from plateau.picture.point import (
     of_estimate,
     of_forecast,
     of_merge,
-    of_zones,
 )
 from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, DEFAULT
@@ -95,7 +94,6 @@ class Judge:
         }
         self._shown = tuple(self._rules)
         self._by_quality = spec.by_quality
-        self._zones = spec.zones
         # Of the last evaluation, each with its spp
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
@@ -147,7 +145,6 @@ class Judge:
             **of_forecast(forecast),
             # By the image alone, so that it does not depend on which monitor judged those before.
             "expected_spp": self._expected_spp(forecast),
-            "zones": of_zones(visible, estimate, self._zones),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
                 for name in self._shown

@@ -1,9 +1,6 @@
 """The fields of a point of the curve, as `plateau.farm.model.job.CurvePoint` has them."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plateau.metric import Estimate, Evidence, Forecast, Verdict, zone_fractions
+from plateau.metric import Estimate, Evidence, Forecast, Verdict
 from plateau.picture.merge import Merge
 
 
@@ -57,16 +54,4 @@ def of_forecast(forecast: Forecast | None) -> dict[str, object]:
         "forecast_spp": forecast.spp,
         "forecast_low_spp": forecast.low_spp,
         "forecast_high_spp": forecast.high_spp,
-    }
-
-
-def of_zones(
-    visible: NDArray[np.bool_], estimate: Estimate | None, zones: tuple[int, int]
-) -> dict[str, object]:
-    """Return the share of each zone's pixels that has changed, and that has noise left."""
-    return {
-        "visible_fraction": zone_fractions(visible, zones).tolist(),
-        "estimate_fraction": None
-        if estimate is None
-        else zone_fractions(estimate.visible, zones).tolist(),
     }

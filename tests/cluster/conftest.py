@@ -8,6 +8,8 @@ from typing import Literal
 
 import pytest
 
+from tests.cluster import support_chart
+
 TOOLS = Path(__file__).parents[2] / ".cluster-tools" / "bin"
 
 
@@ -17,6 +19,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         left_out = [item for item in items if item.get_closest_marker("long_form")]
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in left_out]
+
+
+@pytest.fixture(params=support_chart.EXAMPLES)
+def found(request: pytest.FixtureRequest) -> list[support_chart.Manifest]:
+    """The objects of an example of the chart."""
+    return support_chart.rendered(request.param)
 
 
 @pytest.fixture(scope="session")

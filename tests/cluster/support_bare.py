@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import ssl
 import subprocess
 import sys
@@ -19,6 +18,8 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.acl import rules
 from tests.support.farms.real_farm import RealFarm
+
+DEPLOY = Path(__file__).parents[2] / "deploy" / "redis"
 
 #: Whom the tests look with; the rest is what `plateau redis-acl` prints.
 ROOT, ROOT_PASSWORD = "root", "only in tests"
@@ -64,12 +65,20 @@ def users(folder: Path) -> tuple[Path, Path]:
     return acl, passwords
 
 
-def free_port() -> int:
-    """A port at which nobody listens."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
+def tls_lines(tls: Certificates) -> list[str]:
+    """What a server or a sentinel has in its configuration to show its certificate."""
+    return [
+        "bind 127.0.0.1",
+        f"tls-cert-file {tls.server[0]}",
+        f"tls-key-file {tls.server[1]}",
+        f"tls-ca-cert-file {tls.ca}",
+    ]
+
+
+def server_lines(tls: Certificates, acl: Path, port: int) -> list[str]:
+    """The configuration of a server as it is deployed, with TLS and users at a port of its own."""
+    own = [f"tls-port {port}", "tls-auth-clients yes", f"aclfile {acl}"]
+    return [f"include {DEPLOY / 'redis.conf'}", *tls_lines(tls), *own]
 
 
 class Server:
@@ -81,19 +90,16 @@ class Server:
         config = folder / "redis.conf"
         config.write_text("\n".join([f"dir {folder}", f"logfile {self.log}", *lines]) + "\n")
         self._command = [str(program), str(config), *more]
-        self._launch()
+        self.start()
 
-    def _launch(self) -> None:
+    def start(self) -> None:
+        """Start it, again too, on what it has."""
         self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL)
 
     def kill(self) -> None:
         """End it as a power loss would."""
         self.process.kill()
         self.process.wait()
-
-    def start(self) -> None:
-        """Start it again, on what it has."""
-        self._launch()
 
     def stop(self) -> None:
         """End it."""

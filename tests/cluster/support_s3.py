@@ -1,6 +1,5 @@
 """Real S3 servers, and a network between them and a farm that loses answers."""
 
-import contextlib
 import hashlib
 import hmac
 import json
@@ -8,13 +7,15 @@ import os
 import signal
 import socket
 import subprocess
-import threading
 import time
 from datetime import datetime, timezone
 from pathlib import Path
-from types import TracebackType
+from typing import Any
 
 import httpx
+
+from tests.support.faults.relay import Relay
+from tests.support.processes.ports import free_ports
 
 BUCKET = "farm"
 KEY, SECRET = "plateau", "secret-of-the-tests"
@@ -43,7 +44,7 @@ class S3Server:
         self.data = folder / "data"
         (self.data / BUCKET).mkdir(parents=True)
         self._log = folder / "log"
-        self._address = f"127.0.0.1:{_free_port()}"
+        self._address = f"127.0.0.1:{free_ports()[0]}"
         self.endpoint = f"{'https' if certificate else 'http'}://{self._address}"
         if program.name == "minio":
             options = ("server", "--quiet", "--address", self._address, str(self.data))
@@ -85,12 +86,7 @@ class S3Server:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.kill(signal.SIGTERM)
 
     def start(self) -> None:
@@ -147,7 +143,7 @@ class S3Server:
         httpx.request(method, url, content=body, headers=headers).raise_for_status()
 
 
-class Network:
+class Network(Relay):
     """Forwards TCP connections to an S3 server, but for what it is told to lose.
 
     `lose` drops the answer to each request whose first line has these words, so many times, and
@@ -156,86 +152,29 @@ class Network:
     """
 
     def __init__(self, server: S3Server) -> None:
-        self._target = server.endpoint.partition("://")[2].split(":")
-        self._listener = socket.create_server(("127.0.0.1", 0), backlog=64)
-        self.endpoint = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        host, _, port = server.endpoint.partition("://")[2].partition(":")
+        self._target = host, int(port)
         self.silent = False
         self.lost = 0
         self._words = b""
         self._times = 0
-        self._open: set[socket.socket] = set()
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def __enter__(self) -> "Network":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        with contextlib.suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
-        self.hang_up()
+        super().__init__()
+        self.endpoint = f"http://{self.address}"
 
     def lose(self, words: str, times: int = 1) -> None:
         self._words, self._times, self.lost = words.encode(), times, 0
 
-    def hang_up(self) -> None:
-        for one in tuple(self._open):
-            with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
+    def connected(self) -> socket.socket:
+        return socket.create_connection(self._target)
 
-    def _accept(self) -> None:
-        with contextlib.suppress(OSError):
-            while True:
-                client, _ = self._listener.accept()
-                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
-
-    def _serve(self, client: socket.socket) -> None:
-        asked = [b""]  # the first line of the request that is under way
-        with (
-            client,
-            contextlib.suppress(OSError),
-            socket.create_connection((self._target[0], int(self._target[1]))) as server,
-        ):
-            self._open |= {client, server}
-            answers = threading.Thread(target=self._answer, args=(server, client, asked))
-            answers.start()
-            self._forward(client, server, asked)
-            answers.join()
-            self._open -= {client, server}
-
-    def _forward(self, client: socket.socket, server: socket.socket, asked: list[bytes]) -> None:
-        with contextlib.suppress(OSError):
-            while chunk := client.recv(1 << 16):
-                line = chunk.partition(b"\r\n")[0]
-                if line.endswith(b" HTTP/1.1"):
-                    asked[0] = line
-                while self.silent:
-                    time.sleep(0.02)
-                server.sendall(chunk)
-        with contextlib.suppress(OSError):
-            server.shutdown(socket.SHUT_RDWR)
-
-    def _answer(self, server: socket.socket, client: socket.socket, asked: list[bytes]) -> None:
-        with contextlib.suppress(OSError):
-            while chunk := server.recv(1 << 16):
-                while self.silent:
-                    time.sleep(0.02)
-                if self._times and self._words in asked[0]:
-                    self._times -= 1
-                    self.lost += 1
-                    break
-                client.sendall(chunk)
-        for one in (client, server):
-            with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-    return port
+    def passes(self, piece: bytes, asks: bool, about: dict[str, Any]) -> bool:
+        line = piece.partition(b"\r\n")[0]
+        if asks and line.endswith(b" HTTP/1.1"):
+            about["asked"] = line
+        while self.silent:
+            time.sleep(0.02)
+        if not asks and self._times and self._words in about["asked"]:
+            self._times -= 1
+            self.lost += 1
+            raise ConnectionResetError
+        return True

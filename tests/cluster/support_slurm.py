@@ -12,6 +12,7 @@ from types import TracebackType
 
 import psutil
 
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 NODES = ("n1", "n2")
@@ -68,7 +69,7 @@ class Slurm:
     def __init__(self, folder: Path, tool: Callable[[str], Path]) -> None:
         self.folder = folder
         self._tool = tool
-        ports = _free_ports(1 + len(NODES))
+        ports = free_ports(1 + len(NODES))
         host = socket.gethostname().partition(".")[0]
         nodes = "\n".join(
             f"NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=2 "
@@ -230,13 +231,3 @@ class Slurm:
                 stderr=log,
                 start_new_session=True,
             )
-
-
-def _free_ports(count: int) -> list[int]:
-    """Ports at which nobody listens; all are held until the last is known."""
-    held = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    try:
-        return [one.getsockname()[1] for one in held]
-    finally:
-        for one in held:
-            one.close()

@@ -18,12 +18,13 @@ from tests.cluster.support_bare import (
     answers,
     certificates,
     credentials,
-    free_port,
+    server_lines,
     tls_options,
     users,
 )
 from tests.support.farms.real_farm import BOX
 from tests.support.farms.receiver import SECRET, Receiver, receiving
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 SIZE = {"width": 32, "height": 32}
@@ -52,19 +53,8 @@ class Place:
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path]) -> Iterator[Place]:
     folder = tmp_path_factory.mktemp("bare")
-    tls, (acl, passwords), port = certificates(folder / "tls"), users(folder), free_port()
-    configuration = Path(__file__).parents[2] / "deploy" / "redis" / "redis.conf"
-    lines = [
-        f"include {configuration}",
-        f"tls-port {port}",
-        "tls-auth-clients yes",
-        "bind 127.0.0.1",
-        f"tls-cert-file {tls.server[0]}",
-        f"tls-key-file {tls.server[1]}",
-        f"tls-ca-cert-file {tls.ca}",
-        f"aclfile {acl}",
-    ]
-    server = Server(tool("redis-server"), folder / "redis", lines)
+    tls, (acl, passwords), port = certificates(folder / "tls"), users(folder), free_ports()[0]
+    server = Server(tool("redis-server"), folder / "redis", server_lines(tls, acl, port))
     root = redis.Redis(host="localhost", port=port, **tls_options(tls))  # type: ignore[arg-type]
     yield Place(server, tls, passwords, port, answers(root))
     root.close()

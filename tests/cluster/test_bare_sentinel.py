@@ -9,22 +9,25 @@ import redis
 
 from plateau.farm.redis.link import connect
 from tests.cluster.support_bare import (
+    DEPLOY,
     ROOT,
     ROOT_PASSWORD,
     BareFarm,
-    Certificates,
     Server,
     answers,
     certificates,
     credentials,
-    free_port,
+    server_lines,
+    tls_lines,
     tls_options,
     users,
 )
 from tests.support.farms.real_farm import BOX
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 NAME = "plateau"
+SENTINEL_PASSWORD = "of-the-sentinels"
 SPEC = {
     "parameters": {"width": 32, "height": 32},
     "variant": "scalar_rgb",
@@ -44,19 +47,14 @@ class Watched:
     def __init__(self, folder: Path, tool: Callable[[str], Path]) -> None:
         self.tls = certificates(folder / "tls")
         acl, self.passwords = users(folder)
-        self.ports = [free_port() for _ in range(3)]
+        self.ports = free_ports(3)
         self.servers = {
             port: Server(
                 tool("redis-server"),
                 folder / f"redis-{port}",
                 [
-                    f"include {DEPLOY / 'redis.conf'}",
+                    *server_lines(self.tls, acl, port),
                     f"include {DEPLOY / 'replica.conf'}",
-                    *_tls(self.tls),
-                    f"tls-port {port}",
-                    "tls-auth-clients yes",
-                    "bind 127.0.0.1",
-                    f"aclfile {acl}",
                     f"masterauth {self._password('replica')}",
                     "repl-diskless-sync-delay 0",
                     *([f"replicaof 127.0.0.1 {self.ports[0]}"] if port != self.ports[0] else []),
@@ -66,14 +64,13 @@ class Watched:
         }
         for port in self.ports:
             answers(self.client(port))
-        self.sentinels = [free_port() for _ in range(3)]
+        self.sentinels = free_ports(3)
         self._watchers = [
             Server(
                 tool("redis-sentinel"),
                 folder / f"sentinel-{port}",
                 [
-                    *_tls(self.tls),
-                    "bind 127.0.0.1",
+                    *tls_lines(self.tls),
                     f"requirepass {SENTINEL_PASSWORD}",
                     *self._deployed(port),
                     f"sentinel sentinel-pass {SENTINEL_PASSWORD}",
@@ -120,9 +117,12 @@ class Watched:
         said = [self._asked(port) for port in self.sentinels]
         return max(set(said), key=said.count)
 
-    def _asked(self, port: int) -> int:
+    def _sentinel(self, port: int) -> redis.Redis:
         options = tls_options(self.tls) | {"username": None, "password": SENTINEL_PASSWORD}
-        with redis.Redis(host="localhost", port=port, **options) as one:  # type: ignore[arg-type]
+        return redis.Redis(host="localhost", port=port, **options)  # type: ignore[arg-type]
+
+    def _asked(self, port: int) -> int:
+        with self._sentinel(port) as one:
             found = one.execute_command("SENTINEL", "GET-MASTER-ADDR-BY-NAME", NAME)
         return int(found[1])
 
@@ -133,8 +133,7 @@ class Watched:
         return following == len(self.ports) - 1 and all(map(self._is_informed, self.sentinels))
 
     def _is_informed(self, port: int) -> bool:
-        options = tls_options(self.tls) | {"username": None, "password": SENTINEL_PASSWORD}
-        with redis.Redis(host="localhost", port=port, **options) as one:  # type: ignore[arg-type]
+        with self._sentinel(port) as one:
             known = one.sentinel_master(NAME)
         return bool(
             known["num-other-sentinels"] == 2 and known["num-slaves"] == len(self.ports) - 1
@@ -144,18 +143,6 @@ class Watched:
         """End all of them."""
         for one in (*self._watchers, *self.servers.values()):
             one.stop()
-
-
-DEPLOY = Path(__file__).parents[2] / "deploy" / "redis"
-SENTINEL_PASSWORD = "of-the-sentinels"
-
-
-def _tls(tls: Certificates) -> list[str]:
-    return [
-        f"tls-cert-file {tls.server[0]}",
-        f"tls-key-file {tls.server[1]}",
-        f"tls-ca-cert-file {tls.ca}",
-    ]
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,6 @@ from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import EXAMPLES, KUBERNETES, Manifest
 
 
-@pytest.fixture(params=EXAMPLES)
-def found(request: pytest.FixtureRequest) -> list[Manifest]:
-    """The objects of an example."""
-    return chart.rendered(request.param)
-
-
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_helm_finds_nothing_to_complain_of(example: str) -> None:
     said = chart.helm("lint", ".", "--strict", "--quiet", f"--values=examples/{example}.yaml")

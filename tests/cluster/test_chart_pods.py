@@ -12,7 +12,7 @@ from plateau.commands import app
 from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart
-from tests.cluster.support_chart import EXAMPLES, Manifest
+from tests.cluster.support_chart import Manifest
 
 #: What the environment of a process says beside Plateau's own settings, and who reads it.
 FOREIGN = {
@@ -24,12 +24,6 @@ FOREIGN = {
     "NUMBA_CACHE_DIR": "numba: where compiled kernels are kept",
     "NVIDIA_DRIVER_CAPABILITIES": "NVIDIA's container runtime",
 }
-
-
-@pytest.fixture(params=EXAMPLES)
-def found(request: pytest.FixtureRequest) -> list[Manifest]:
-    """The objects of an example."""
-    return chart.rendered(request.param)
 
 
 class TestEveryPod:

@@ -11,12 +11,10 @@ import pytest
 from tests.cluster.support_network import Network
 from tests.cluster.support_network_farm import (
     HOSTS,
-    LATE,
     MONITOR,
     REDIS,
     SPEC,
     WORKERS,
-    LateWorker,
     NetworkFarm,
     cases,
 )
@@ -108,64 +106,6 @@ def test_connections_that_are_forgotten_on_the_way_cost_no_lease(
     assert farm.network.forget_connections(host) > 0
     assert_same(outcome(farm, job), undisturbed)
     assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
-
-
-# A worker's commit that comes late, and one whose answer does.
-
-
-@pytest.fixture
-def late(farm: NetworkFarm) -> Iterator[LateWorker]:
-    """One more worker, which is stopped when it has put its first partial and would commit it."""
-    worker = LateWorker(farm)
-    yield worker
-    worker.end()
-
-
-@pytest.mark.parametrize("outage_s", cases((4.0, 14.0), (4.0,)))
-def test_a_late_commit_of_a_slice_that_another_rendered_meanwhile_does_not_count(
-    farm: NetworkFarm, undisturbed: Outcome, late: LateWorker, outage_s: float
-) -> None:
-    job, index = late.is_about_to_commit()
-    # When it is cut off, and its commit gets lost
-    farm.network.cut(LATE)
-    late.go_on()
-    time.sleep(outage_s)
-    # Then its lease runs out, and another worker renders the slice
-    until(lambda: index in farm.jobs.ledger(job))
-    assert farm.jobs.ledger(job)[index]["worker"] != late.id
-    # And when its commit comes through at last, it is told that it is too late, once
-    farm.network.heal()
-    until(lambda: "duplicate" in late.tries_of(job, index))
-    found = outcome(farm, job)
-    tries = late.tries_of(job, index)
-    assert tries.count("duplicate") == 1
-    assert "committed" not in tries
-    assert farm.jobs.ledger(job)[index]["worker"] != late.id
-    assert_same(found, undisturbed)
-
-
-@pytest.mark.long_form
-def test_a_commit_whose_answer_is_lost_counts_once(
-    farm: NetworkFarm, undisturbed: Outcome, late: LateWorker
-) -> None:
-    job, index = late.is_about_to_commit()
-    # When its commit is heard, and the answer lost
-    farm.network.cut_to(LATE)
-    late.go_on()
-    until(lambda: index in farm.jobs.ledger(job))
-    record = farm.jobs.ledger(job)[index]
-    time.sleep(LONGER_THAN_A_LEASE_S)
-    # Then it commits again, and is told that this has been done
-    farm.network.heal()
-    found = outcome(farm, job)
-    late.end()
-    assert farm.jobs.ledger(job)[index] == record
-    assert record["worker"] == late.id
-    assert late.tries_of(job, index) == ["committed"]
-    assert_same(found, undisturbed)
-
-
-# What else is seen of a network that fails.
 
 
 @pytest.mark.long_form

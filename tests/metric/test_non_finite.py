@@ -24,18 +24,8 @@ def test_a_pixel_with_both_is_nan_and_counts_once():
     assert found.count == 2
 
 
-def test_a_finite_image_has_none():
-    largest = np.full((3, 3, 3), np.finfo(np.float32).max, np.float32)
-    assert non_finite_pixels(largest).count == 0
-
-
 def test_the_map_marks_them_on_the_dimmed_picture():
     image = np.zeros((1, 3, 3), np.float32)
     image[0, 0, 0], image[0, 1, 0] = np.nan, np.inf
     codes = non_finite_map(np.full((1, 3, 3), 255, np.uint8), non_finite_pixels(image))
     assert MAP_PALETTE[codes].tolist() == [[[255, 0, 255], [0, 200, 255], [85, 85, 85]]]
-
-
-def test_what_is_no_image_is_refused():
-    with pytest.raises(ValueError, match="shape"):
-        non_finite_pixels(np.zeros((4, 4)))

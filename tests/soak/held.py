@@ -1,100 +1,75 @@
-"""What the long-lived processes of a farm hold: memory, descriptors and threads."""
+"""What the long-lived processes of a farm hold, and whether it is flat: a robust trend, bounded."""
 
-import contextlib
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import psutil
 
-from tests.soak.flatness import Trend, trend
+from bench.support.report import Table
 
+#: The share of a run in which caches may fill.
+WARM_UP: Final = 1 / 3
 #: What a process may grow after the warm-up: so many bytes, or a share of what it has, if more.
 MOST_BYTES: Final = 8_000_000
 MOST_SHARE: Final = 0.05
 #: And so many descriptors, or threads: after a restart connections come back one after another.
 MOST_COUNT: Final = 16
 
-_KB: Final = re.compile(r"^(Rss|Pss|Anonymous):\s+(\d+) kB$", re.MULTILINE)
-MEASURED: Final = ("own", "rss", "pss", "descriptors", "threads")
+#: Own memory is anonymous pages: those of files are shared with processes that come and go.
+MEASURED: Final = ("own memory, MB", "descriptors", "threads")
+HEAD: Final = ("", *(f"{name}: {what}" for name in MEASURED for what in ("median", "growth")))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """What a process holds at a moment: bytes, and numbers.
-
-    Its own memory is its anonymous pages. Pages of files are shared with other processes, so their
-    share (PSS) changes whenever one of these starts or ends.
-    """
-
-    own: int
-    rss: int
-    pss: int
-    descriptors: int
-    threads: int
-
-    @classmethod
-    def by(cls, process: psutil.Process) -> "Held":
-        """Return what it holds now; raises `psutil.NoSuchProcess` and `OSError` if it has ended."""
-        rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text()
-        kb = {name: 1024 * int(number) for name, number in _KB.findall(rollup)}
-        return cls(
-            own=kb["Anonymous"],
-            rss=kb["Rss"],
-            pss=kb["Pss"],
-            descriptors=process.num_fds(),
-            threads=process.num_threads(),
-        )
-
-
-@dataclass
 class Watch:
-    """Series of what each role's process holds, through its restarts."""
+    """Samples of what each role's process holds, through its restarts: a row for each look."""
 
-    times: dict[str, list[float]] = field(default_factory=dict)  #: in minutes
-    series: dict[str, list[Held]] = field(default_factory=dict)
-    pids: dict[str, set[int]] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.samples = defaultdict[str, list[tuple[float, ...]]](list)
 
-    def look(self, minute: float, processes: Mapping[str, psutil.Process | None]) -> None:
-        """Take a sample of those that live."""
-        for role, process in processes.items():
-            if process is None:
-                continue
-            with contextlib.suppress(psutil.NoSuchProcess, OSError):
-                held = Held.by(process)
-                self.times.setdefault(role, []).append(minute)
-                self.series.setdefault(role, []).append(held)
-                self.pids.setdefault(role, set()).add(process.pid)
-
-    def trends(self, role: str) -> dict[str, Trend]:
-        """How each of `MEASURED` went in this role."""
-        return {
-            name: trend(self.times[role], [getattr(one, name) for one in self.series[role]])
-            for name in MEASURED
-        }
-
-    def in_words(self) -> str:
-        """How all of it went so far: what a run that fails has found until then."""
-        return "; ".join(
-            f"{role}'s {name} grew by {found.growth:.0f} from {found.middle:.0f}"
-            for role in self.series
-            for name, found in self.trends(role).items()
-        )
+    def look(self, minute: float, role: str, process: psutil.Process) -> None:
+        """Take a sample, unless the process has just ended."""
+        with suppress(psutil.NoSuchProcess, OSError):
+            rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text()
+            own = 1024 * int(re.findall(r"^Anonymous:\s+(\d+) kB$", rollup, re.MULTILINE)[0])
+            held = (own, process.num_fds(), process.num_threads())
+            self.samples[role].append((minute, *held))
 
     def findings(self) -> list[str]:
         """A line for whatever is not flat."""
         return [
-            f"{role}: {name} grew by {found.growth:.0f} from {found.middle:.0f}"
-            for role in self.series
-            for name, found in self.trends(role).items()
-            if name in {"own", "descriptors", "threads"} and found.growth > most(name, found)
+            f"{role}: {name} grew by {growth:.0f} from {median:.0f}"
+            for role, samples in self.samples.items()
+            for name, (median, growth) in zip(MEASURED, _trends(samples), strict=True)
+            if growth > (max(MOST_BYTES, MOST_SHARE * median) if "MB" in name else MOST_COUNT)
         ]
 
+    def table(self) -> Table:
+        """How all of it went so far."""
+        rows = []
+        for role, samples in self.samples.items():
+            (own, *counts) = _trends(samples)
+            figures = [f"{one / 1e6:.1f}" for one in own]
+            rows.append([role, *figures, *(f"{one:.0f}" for trend in counts for one in trend)])
+        return [list(HEAD), *rows]
 
-def most(name: str, found: Trend) -> float:
-    """By how much it may grow."""
-    if name == "own":
-        return max(MOST_BYTES, MOST_SHARE * found.middle)
-    return MOST_COUNT
+
+def _trends(samples: Sequence[tuple[float, ...]]) -> list[tuple[float, float]]:
+    """Return the median of each thing measured, and its growth, after the warm-up.
+
+    The growth is the median slope between any two values (Theil and Sen), times the time that they
+    cover. So neither a peak nor a restart is taken for growth, and no level.
+    """
+    times = np.array([minute for minute, *_ in samples])
+    judged = times - times[0] >= WARM_UP * np.ptp(times)
+    t = times[judged]
+    first, second = np.triu_indices(t.size, 1)
+    found = []
+    for values in np.array(samples, float)[judged, 1:].T:
+        slopes = (values[second] - values[first]) / (t[second] - t[first])
+        found.append((float(np.median(values)), float(np.median(slopes) * np.ptp(t))))
+    return found

@@ -1,6 +1,7 @@
 """A farm that is soaked: its twins, its comparisons, and what it leaves behind."""
 
 import ctypes
+import json
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Set
 from contextlib import ExitStack, contextmanager, suppress
@@ -13,12 +14,10 @@ import redis
 from plateau.client import Client
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
 from plateau.farm.sweep import sweep
 from tests.soak.held import Watch
-from tests.soak.kinds import KINDS, write_analytic
-from tests.soak.users import Desk, Order
+from tests.soak.users import KINDS, Desk, Order
 from tests.support.farms.faulty_farm import FaultyFarm
 from tests.support.farms.real_farm import BOX
 from tests.support.faults.invariants import Outcome, assert_same, check_job, is_of_no_job, outcome
@@ -26,73 +25,59 @@ from tests.support.faults.invariants import Outcome, assert_same, check_job, is_
 #: How long users wait for a service that is struck.
 _PATIENCE_S: Final = 120.0
 _PR_SET_CHILD_SUBREAPER: Final = 36
-_PLENTY: Final = KeyLimits()
+_ANALYTIC: Final = {"analytic": 1, "light": "texture", "level": 0.5}
 
 
-class Soak:
-    """The farm, and what was found so far.
+class Soak(ExitStack):
+    """The farm, of which the API alone runs, and what was found so far.
 
-    Its API, a monitor and a worker are never struck: their memory is judged.
-
-    Parameters
-    ----------
-    farm
-        The farm, whose API alone runs.
-    folder
-        A folder for files of its users.
-    other_api
-        URL of an API that will be struck.
-    hook
-        URL of a receiver of notices.
+    Its API, a monitor and a worker are never struck: their memory is judged. Users call another
+    API besides, and a hook hears of their jobs.
     """
 
     def __init__(self, farm: FaultyFarm, folder: Path, other_api: str, hook: str) -> None:
+        super().__init__()
         self.farm = farm
         self.watch = Watch()
-        self.compared = Counter[str]()  #: jobs with a twin, by kind
-        self.cancelled = 0
+        self.compared = Counter[str]()  #: jobs that were as their twins, by kind
         self.orphans = 0  #: blobs that sweeps removed: put, and never committed
         self._twins: dict[str, list[Outcome]] = {}
         api, *_ = farm.processes
         spared = {"API": api, "monitor": farm.start_patient("monitor")}
         spared["worker"] = farm.start_patient("worker")
         self._spared = {role: psutil.Process(one.pid) for role, one in spared.items()}
-        made = ApiKeys(farm.redis_client)
-        _, admin = made.create("admin", Role.ADMIN, _PLENTY)
         farm.client.close()
-        self._clients = ExitStack()
         farm.client, other = (
-            self._clients.enter_context(Client(url, key=admin, patience_s=_PATIENCE_S))
-            for url in (farm.url, other_api)
+            self.enter_context(Client(url, patience_s=_PATIENCE_S)) for url in (farm.url, other_api)
         )
-        scenes = {False: BOX, True: write_analytic(folder)}
-        self.desk = Desk((farm.client, other), scenes, hook)
-
-    def close(self) -> None:
-        self._clients.close()
+        analytic = folder / "checks.json"
+        analytic.write_text(json.dumps(_ANALYTIC))
+        self.desk = Desk((farm.client, other), {False: BOX, True: analytic}, hook)
 
     def render_twins(self) -> None:
         """Have one of each kind rendered while nothing happens."""
         orders = [self.desk.order(kind, self.farm.client) for kind in KINDS]
         for order in orders:
-            self._twins[order.kind.name] = [outcome(self.farm, job, 900) for job in order.jobs]
+            self._twins[order.kind] = [outcome(self.farm, job, 900) for job in order.jobs]
             self._delete(order)
 
     def look(self, minute: float) -> None:
         """Take a sample of what the farm's processes hold."""
-        children = self._spared["worker"].children()
-        render_child = next(filter(_is_render_child, children), None)
-        server = psutil.Process(self.farm.redis.process.pid)
-        roles = {**self._spared, "render child": render_child, "Redis": server}
-        self.watch.look(minute, roles)
+        self.watch.look(minute, "Redis", psutil.Process(self.farm.redis.process.pid))
+        for role, process in self._spared.items():
+            self.watch.look(minute, role, process)
+        for child in self._spared["worker"].children():
+            with suppress(psutil.NoSuchProcess):
+                if "plateau.worker.child" in child.cmdline():
+                    self.watch.look(minute, "render child", child)
 
     def compare(self, orders: list[Order], damaged: Set[str]) -> None:
         """Compare what is finished with its twin, and remove it; it is taken from `orders`."""
         done = [order for order in orders if self._is_done(order)]
         self.orphans += sweep(self.farm.redis_client, self.farm.store).orphans
         for order in done:
-            for job, twin in zip(order.jobs, self._twins[order.kind.name], strict=True):
-                self._compare(job, order.kind.name, twin, damaged)
+            for job, twin in zip(order.jobs, self._twins[order.kind], strict=True):
+                self._compare(job, order.kind, twin, damaged)
             orders.remove(order)
             self._delete(order)
         sweep(self.farm.redis_client, self.farm.store, deleted_older_than_s=0)
@@ -101,28 +86,19 @@ class Soak:
         farm = self.farm
         if farm.jobs.get(job).state is JobState.CANCELLED:
             check_job(farm.jobs, farm.store, farm.redis_client, job, damaged)
-            self.cancelled += 1
         else:
             assert_same(outcome(farm, job, damaged=damaged), twin)
-            self.compared[kind] += 1
+        self.compared[kind] += 1
 
     def _is_done(self, order: Order) -> bool:
         """Whether its results are written, and its receiver has heard of all."""
-        if any(self.farm.jobs.get(job).finished_at is None for job in order.jobs):
-            return False
-        told = [one for job in order.jobs for one in self.farm.jobs.get(job).notices]
-        return all(one.state == "delivered" for one in told)
+        jobs = [self.farm.jobs.get(job) for job in order.jobs]
+        told = all(one.state == "delivered" for job in jobs for one in job.notices)
+        return told and all(job.finished_at is not None for job in jobs)
 
     def _delete(self, order: Order) -> None:
         for job in order.jobs:
             self.farm.client.delete(job)
-
-
-def _is_render_child(process: psutil.Process) -> bool:
-    try:
-        return "plateau.worker.child" in process.cmdline()
-    except psutil.NoSuchProcess:  # it has just been struck
-        return False
 
 
 def leaks(client: redis.Redis, store: Blobs, temporary: Path) -> list[str]:
@@ -136,7 +112,7 @@ def leaks(client: redis.Redis, store: Blobs, temporary: Path) -> list[str]:
 
 
 @contextmanager
-def adopting() -> Iterator[Callable[[Collection[int]], list[str]]]:
+def adopting() -> Iterator[Callable[[Collection[int]], dict[int, str]]]:
     """Adopt children of processes that are killed; the function shows those that live.
 
     It is given the ids of those that are to live; whoever lives now does not count either.
@@ -145,12 +121,12 @@ def adopting() -> Iterator[Callable[[Collection[int]], list[str]]]:
     before = {child.pid for child in us.children()}
     c_library.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
-    def alive(known: Collection[int]) -> list[str]:
-        found = []
+    def alive(known: Collection[int]) -> dict[int, str]:
+        found = {}
         for child in us.children():
             with suppress(psutil.NoSuchProcess):
                 if child.pid not in before.union(known) and child.status() != psutil.STATUS_ZOMBIE:
-                    found.append(" ".join(child.cmdline()))
+                    found[child.pid] = " ".join(child.cmdline())
         return found
 
     try:

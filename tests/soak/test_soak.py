@@ -4,20 +4,22 @@
 """
 
 import os
-import socket
 import time
+from collections import Counter
 from contextlib import ExitStack
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Final
 
 import pytest
 
-from tests.soak.report import Found, write
+from bench.support.report import Table, machine, markdown, write_report
 from tests.soak.soak import Soak, adopting, leaks
 from tests.soak.users import Users
 from tests.support.farms.faulty_farm import FaultyFarm
 from tests.support.farms.receiver import receiving
 from tests.support.faults.chaos import Chaos
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 MINUTES = float(os.environ.get("SOAK_MINUTES", "2"))
@@ -32,12 +34,6 @@ _LONG_ENOUGH: Final = 5.0
 STRUCK: Final = (("monitor",), ("worker",), ("worker",), ("worker",))
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-        return port
-
-
 @pytest.mark.timeout(60 * MINUTES + 3600)
 def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
     temporary, cache, data = (tmp_path / name for name in ("tmp", "cache", "farm"))
@@ -50,7 +46,7 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
     def tell(line: str) -> None:
         print(f"{minutes():6.2f} min  {line}", flush=True)
 
-    port = free_port()
+    (port,) = free_ports()
     settings = {
         "TMPDIR": str(temporary),
         "PLATEAU_CHILD_TIMEOUT_S": "20",
@@ -60,8 +56,8 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
         orphans = after.enter_context(adopting())
         receiver = after.enter_context(receiving())
         farm = after.enter_context(FaultyFarm(data, cache, **settings))
-        soak = Soak(farm, tmp_path, f"http://127.0.0.1:{port}", receiver.url)
-        after.callback(soak.close)
+        other_api = f"http://127.0.0.1:{port}"
+        soak = after.enter_context(Soak(farm, tmp_path, other_api, receiver.url))
         # Given what becomes of each kind of job while nothing happens
         soak.render_twins()
         tell("the twins are rendered")
@@ -73,7 +69,7 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
 
         def tell_growth() -> None:
             if minutes() > _LONG_ENOUGH:
-                tell(f"so far {soak.watch.in_words()}")
+                tell(f"so far\n{markdown(soak.watch.table())}")
 
         after.callback(tell_growth)  # a run of hours that fails has found that much
         with Users(soak.desk, SEED) as users:
@@ -103,17 +99,26 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
         known = [farm.redis.process.pid, *(one.pid for one in farm.processes)]
         until(lambda: not orphans(known), 30, lambda: f"left behind: {orphans(known)}")
         left = leaks(farm.redis_client, farm.store, temporary)
-    assert [*left, *soak.watch.findings()] == []
-    write(
-        Found(
-            minutes=lasted,
-            seed=SEED,
-            compared=soak.compared,
-            cancelled=soak.cancelled,
-            struck=chaos.struck,
-            calls=users.calls.total(),
-            messages=len(receiver.received),
-            orphans=soak.orphans,
-            watch=soak.watch,
-        )
+    assert left == []
+    assert minutes() < _LONG_ENOUGH or soak.watch.findings() == []
+    about, today = machine(), datetime.now(timezone.utc).date()
+    happened: Table = [
+        ["", ""],
+        ["date, machine", f"{today}, {about['cores']} cores, {about['cpu']}"],
+        ["minutes of faults", f"{lasted:.1f}"],
+        ["jobs checked", _listed(soak.compared)],
+        ["faults", _listed(Counter(chaos.struck))],
+        ["users' calls of the API", str(users.calls.total())],
+        ["messages that a receiver got", str(len(receiver.received))],
+    ]
+    write_report(
+        "soak",
+        {"soak": happened, "soak-memory": soak.watch.table()},
+        settings={"seed": SEED},
+        document="soak.md",
     )
+
+
+def _listed(counts: Counter[str]) -> str:
+    each = ", ".join(f"{count} {kind}" for kind, count in counts.most_common())
+    return f"{counts.total()}: {each}"

@@ -7,7 +7,7 @@ never stopped there. An ended job has kept either
 - its *slices*, if asked to: they are merged again, so everything may change but their sampling. A
   cap that is not beyond them renders nothing;
 - or its *sums*, the last checkpoint: the merge and the curve continue from it. Then the view, the
-  step and the zones stay, and a rule that compares with earlier images must have seen them.
+  step stay, and a rule that compares with earlier images must have seen them.
 
 If more is to be rendered, the kept samples must be those that a job of the new cap draws: on scalar
 variants the cap decides passes and seeds (see `plateau.farm.model.seeds`). `lost_by` says whether a
@@ -43,7 +43,7 @@ _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation")
 #: ... that the new job does not inherit, ...
 _OWN: Final = ("shot", "notice", "after")
 #: ... and that all points of a curve have in common.
-_JUDGING: Final = ("view", "step", "zones", "denoise")
+_JUDGING: Final = ("view", "step", "denoise")
 
 
 @dataclass(frozen=True)

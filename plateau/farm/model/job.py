@@ -31,17 +31,6 @@ class WatchedValue(_Record):
     stop: bool = Field(description="whether the rule would have stopped here")
 
 
-class ZoneFractions(_Record):
-    """A judgement by zones: rows from the top, in each the zones from the left."""
-
-    visible_fraction: tuple[tuple[float, ...], ...] = Field(
-        description="changed since the first image: of each zone's pixels, how many differ visibly"
-    )
-    estimate_fraction: tuple[tuple[float, ...], ...] | None = Field(
-        description="noise left: how many are estimated to differ visibly from the converged image"
-    )
-
-
 class CurvePoint(_Record):
     """One evaluation: the merged image at `spp`, judged."""
 
@@ -99,7 +88,6 @@ class CurvePoint(_Record):
     samples: int | None = Field(
         None, description="samples of the image over all pixels; not known of older points"
     )
-    zones: ZoneFractions | None = None
     at: datetime = Field(description="when it was evaluated, by Redis's clock")
     rules: dict[str, WatchedValue] = Field(
         default_factory=dict, description="the stopping rule and each watched one"

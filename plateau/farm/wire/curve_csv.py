@@ -8,9 +8,7 @@ from typing import Final
 from plateau.farm.model.job import CurvePoint
 
 _FIGURES: Final = tuple(
-    name
-    for name in CurvePoint.model_fields
-    if name not in {"rules", "zones", "non_finite_pixels", "at"}
+    name for name in CurvePoint.model_fields if name not in {"rules", "non_finite_pixels", "at"}
 )
 
 

@@ -63,7 +63,6 @@ POINT: Final[dict[str, Any]] = {
     "forecast_high_spp": 1700,
     "expected_spp": 1300,
     "non_finite_pixels": 0,
-    "zones": None,
     "at": _AT,
     "rules": {
         "visible": {"value": 0.0014724731, "stop": False},

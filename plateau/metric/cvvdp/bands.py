@@ -67,12 +67,10 @@ def contrasts(
     coarse_test: Plane,
     table: Plane,
     scale: np.float32,
-    first: int,
-    end: int,
     differences: Plane,
     common: Plane,
 ) -> None:
-    """Write Δ and the smaller contrast of some rows of a band, each (channels, H, W).
+    """Write Δ and the smaller contrast of a band, each (channels, H, W).
 
     Channels are the three of a still, or the four of a video. `table` is from `log_sensitivities`;
     contrasts are multiplied by `scale`. The smaller contrast is blurred along the rows if the band
@@ -86,7 +84,7 @@ def contrasts(
     our_light, their_light, row = work[0], work[1], work[2]
     padded = np.empty(width + 2 * _REACH, np.float32)
     place, sensitivity = np.empty(width, np.float32), np.empty(width, np.float32)
-    for y in range(first, end):
+    for y in range(height):
         for channel in range(channels):
             expand_row(coarse_reference[channel], y, coarse_row, ours[channel])
             expand_row(coarse_test[channel], y, coarse_row, theirs[channel])
@@ -189,8 +187,6 @@ def _add_weighed(one: Plane, other: Plane, tap: np.float32, out: Plane) -> None:
 def masked(
     differences: Plane,
     common: Plane,
-    first: int,
-    end: int,
     weights: NDArray[np.float32],
     sums: NDArray[np.float64],
     strength: Plane,
@@ -203,7 +199,7 @@ def masked(
     blurred = min(height, width) > _REACH
     raised = np.empty((channels, width), np.float32)
     mask = np.empty(width, np.float32)
-    for y in range(first, end):
+    for y in range(height):
         for channel in range(channels):
             row, plane = raised[channel], common[channel]
             if blurred:

@@ -17,14 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: What pixels are: code values of a standard in [0, 1]; linear light of which 1 is the peak; or
-#: linear light in cd/m².
-Transfer = Literal["srgb", "pq", "hlg", "relative", "absolute"]
+#: What pixels are: code values in [0, 1], or linear light of which 1 is the peak.
+Transfer = Literal["srgb", "relative"]
 Primaries = Literal["rec709", "adobe1998", "rec2020"]
-
-#: Above this peak in cd/m² the gamma of HLG depends on peak and ambient light.
-HLG_PEAK = 1000.0
-HLG_GAMMA = 1.2
 
 _RGB_TO_XYZ = {
     "rec709": [
@@ -82,24 +77,11 @@ class Display:
         ):
             if choice not in choices:
                 raise ValueError(f"a display's {name} is one of {', '.join(choices)}, not {choice}")
-        if self.transfer == "hlg" and self.peak > HLG_PEAK and self.ambient_lux == 0:
-            raise ValueError("HLG above 1000 cd/m² needs ambient light, as its gamma depends on it")
 
     @property
     def reflected(self) -> float:
         """The ambient light that the screen reflects, in cd/m²: E k / π."""
         return self.ambient_lux / math.pi * self.reflectivity
-
-    @property
-    def hlg_gamma(self) -> float:
-        """The gamma of HLG: 1.2 + 0.42 log10(peak/1000) - 0.07623 log10(E/5) above 1000 cd/m².
-
-        E is the ambient light in lux. Up to 1000 cd/m² the gamma is 1.2 (BT.2100, BBC WHP 369).
-        """
-        if self.peak <= HLG_PEAK:
-            return HLG_GAMMA
-        brighter = 0.42 * math.log10(self.peak / HLG_PEAK)
-        return HLG_GAMMA + brighter - 0.07623 * math.log10(self.ambient_lux / 5)
 
     @property
     def rgb_to_dkl(self) -> NDArray[np.float32]:
@@ -137,16 +119,11 @@ def pixels_per_degree(
     return 1 / math.degrees(2 * math.atan(pixel_m / (2 * distance_m)))
 
 
-_UHD = pixels_per_degree((3840, 2160), 30, 0.7472)
-
-#: The authors' standard displays: a desk, a bright HDR screen in a dim room, and a phone.
+#: Standard displays of the authors: two desks, and a phone.
 DISPLAYS: Mapping[str, Display] = MappingProxyType(
     {
-        "standard_4k": Display(_UHD),
+        "standard_4k": Display(pixels_per_degree((3840, 2160), 30, 0.7472)),
         "standard_fhd": Display(pixels_per_degree((1920, 1080), 24, 0.6)),
-        "standard_hdr_pq": Display(_UHD, 1500, 0.0015, 10, transfer="pq", primaries="rec2020"),
-        "standard_hdr_hlg": Display(_UHD, 1500, 0.0015, 10, transfer="hlg", primaries="rec2020"),
-        "standard_hdr_linear": Display(_UHD, 1500, 0.0015, 10, transfer="absolute"),
         "standard_phone": Display(pixels_per_degree((2400, 1080), 6, 0.4), 500, 0.05),
     }
 )

@@ -17,7 +17,7 @@ from plateau.metric.cvvdp.parameters import (
     LEAST_BACKGROUND,
     PIXEL_EXPONENT,
 )
-from plateau.metric.cvvdp.percept import Percept, checked, percept_of, share, write_colours
+from plateau.metric.cvvdp.percept import Percept, checked, percept_of, write_colours
 from plateau.metric.cvvdp.pooling import (
     jod,
     norm,
@@ -61,8 +61,6 @@ class ColorVideoVDP:
     ----------
     display
         The screen, the room and the distance.
-    threads
-        How many threads share the rows. The result has the same bits for any number.
 
     Examples
     --------
@@ -77,9 +75,8 @@ class ColorVideoVDP:
     True
     """
 
-    def __init__(self, display: Display, threads: int = 1) -> None:
+    def __init__(self, display: Display) -> None:
         self.display = display
-        self.threads = threads
         self._screen = screen(display)
 
     def percept(self, image: NDArray[Any]) -> Percept:
@@ -98,8 +95,8 @@ class ColorVideoVDP:
         """
         image = checked(image, self.display)
         colours = np.empty((COLOURS, *image.shape[:2]), np.float32)
-        write_colours(image, self._screen, self.threads, colours)
-        return percept_of(colours, self.display, self.threads)
+        write_colours(image, self._screen, colours)
+        return percept_of(colours, self.display)
 
     def video(self, fps: float) -> Video:
         """Return a video without frames, from 1 to 480 per second, whose percepts `compare` takes.
@@ -118,7 +115,7 @@ class ColorVideoVDP:
         >>> frames[0].jod, video_jod(frames) < 9
         (10.0, True)
         """
-        return Video(self.display, fps, self.threads)
+        return Video(self.display, fps)
 
     def compare(self, reference: Percept, test: Percept, *, heat: bool = False) -> Quality:
         """Return the quality of the test image, with a heat map if asked.
@@ -163,29 +160,10 @@ class ColorVideoVDP:
         scale = np.float32(1 if band == 0 else 2)
         table = log_sensitivities(frequency)
         differences, common = np.empty_like(ours), np.empty_like(ours)
-        share(
-            self.threads,
-            height,
-            lambda start, end: contrasts(
-                ours,
-                our_next,
-                theirs,
-                their_next,
-                table,
-                scale,
-                start,
-                end,
-                differences,
-                common,
-            ),
-        )
+        contrasts(ours, our_next, theirs, their_next, table, scale, differences, common)
         sums, weights = np.empty((channels, height)), _weights(channels)
         strength = np.empty((height, width) if heat else (0, 0), np.float32)
-        share(
-            self.threads,
-            height,
-            lambda start, end: masked(differences, common, start, end, weights, sums, strength),
-        )
+        masked(differences, common, weights, sums, strength)
         mean = sums.sum(axis=1) / (height * width)
         if heat and band > 0:
             strength *= np.float32(0.5)

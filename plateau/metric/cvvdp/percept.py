@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,6 @@ from plateau.metric.cvvdp.pyramid import band_frequencies, halved
 from plateau.metric.display import as_image
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from plateau.metric.cvvdp.display import Display
@@ -52,45 +49,24 @@ def checked(image: NDArray[Any], display: Display) -> NDArray[np.float32]:
         raise ValueError(f"an image of {width}×{height} pixels is too small: at least 4×4")
     if not np.isfinite(image).all():
         raise ValueError("an image for ColorVideoVDP has to be finite in every pixel")
-    if display.transfer not in ("relative", "absolute"):
+    if display.transfer == "srgb":
         least, greatest = float(image.min()), float(image.max())
         if least < 0 or greatest > 1:
             raise ValueError(f"code values lie in [0, 1], not in [{least:g}, {greatest:g}]")
     return image
 
 
-def write_colours(
-    image: NDArray[np.float32], screen: KernelDisplay, threads: int, out: Plane
-) -> None:
+def write_colours(image: NDArray[np.float32], screen: KernelDisplay, out: Plane) -> None:
     """Write the opponent colours of a checked image on a screen into `out`, (3, H, W)."""
     height, width, _ = image.shape
     pixels = np.ascontiguousarray(image).reshape(height, COLOURS * width)
-    share(threads, height, lambda first, end: opponent(pixels, screen, first, end, out))
+    opponent(pixels, screen, out)
 
 
-def percept_of(
-    channels: Plane, display: Display, threads: int, fps: float | None = None
-) -> Percept:
+def percept_of(channels: Plane, display: Display, fps: float | None = None) -> Percept:
     """Return the levels of the channels, (channels, H, W)."""
     _, height, width = channels.shape
     levels = [channels]
     for _ in band_frequencies((height, width), display.pixels_per_degree)[1:]:
-        levels.append(_halved(levels[-1], threads))
+        levels.append(halved(levels[-1]))
     return Percept(display, tuple(levels), fps)
-
-
-def share(threads: int, rows: int, work: Callable[[int, int], None]) -> None:
-    """Call the work for ranges of rows, one for each thread."""
-    if threads == 1:
-        work(0, rows)
-        return
-    edges = np.linspace(0, rows, threads + 1).astype(int).tolist()
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, edges[:-1], edges[1:]))
-
-
-def _halved(level: Plane, threads: int) -> Plane:
-    if threads == 1:
-        return halved(level)
-    with ThreadPoolExecutor(threads) as pool:
-        return np.concatenate(list(pool.map(halved, np.split(level, len(level)))))

@@ -26,7 +26,7 @@ from plateau.metric.cvvdp.parameters import (
     TEMPORAL_SPREADS,
     TRANSIENT_PEAK_HZ,
 )
-from plateau.metric.cvvdp.percept import Percept, checked, percept_of, share, write_colours
+from plateau.metric.cvvdp.percept import Percept, checked, percept_of, write_colours
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,8 +49,6 @@ class Video:
         The screen, the room and the distance.
     fps
         Frames per second, from 1 to 480.
-    threads
-        How many threads share the rows. The result has the same bits for any number.
 
     Raises
     ------
@@ -66,10 +64,9 @@ class Video:
     (4, 64, 64)
     """
 
-    def __init__(self, display: Display, fps: float, threads: int = 1) -> None:
+    def __init__(self, display: Display, fps: float) -> None:
         self.display = display
         self.fps = fps
-        self.threads = threads
         self._taps = temporal_filters(fps)
         self._screen = screen(display)
         self._frames = 0
@@ -100,16 +97,12 @@ class Video:
                 f"the first {first_width}×{first_height}"
             )
         colours = self._window[self._frames % length]
-        write_colours(image, self._screen, self.threads, colours)
+        write_colours(image, self._screen, colours)
         shown = np.arange(self._frames - length + 1, self._frames + 1).clip(0) % length
         self._frames += 1
         channels = np.empty((CHANNELS, height, width), np.float32)
-        share(
-            self.threads,
-            height,
-            lambda first, end: _filter(self._window, shown, self._taps, first, end, channels),
-        )
-        return percept_of(channels, self.display, self.threads, self.fps)
+        _filter(self._window, shown, self._taps, channels)
+        return percept_of(channels, self.display, self.fps)
 
 
 def mirrored(fps: float, frames: int) -> list[int]:
@@ -170,16 +163,9 @@ def temporal_filters(fps: float) -> NDArray[np.float32]:
 
 
 @entry_point
-def _filter(
-    window: NDArray[np.float32],
-    shown: NDArray[np.int64],
-    taps: Plane,
-    first: int,
-    end: int,
-    out: Plane,
-) -> None:
-    """Write some rows of the channels, (4, H, W), of the frames of the window that are shown."""
-    for y in range(first, end):
+def _filter(window: NDArray[np.float32], shown: NDArray[np.int64], taps: Plane, out: Plane) -> None:
+    """Write the channels, (4, H, W), of the frames of the window that are shown."""
+    for y in range(out.shape[1]):
         for channel in range(CHANNELS):
             colour = channel % COLOURS  # the transient channel is achromatic
             row = out[channel, y]

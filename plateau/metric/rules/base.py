@@ -56,7 +56,11 @@ class Memory:
 
 @dataclass(kw_only=True)
 class Rule(StoppingRule, ABC):
-    """A stopping rule: a dataclass whose fields are its parameters, checked on construction."""
+    """A stopping rule: a dataclass whose fields are its parameters, checked on construction.
+
+    Each image that it keeps costs 12 bytes per pixel in memory and in every checkpoint. Only
+    `reverse` also holds a percept, that of its first image, of 41 bytes per pixel of memory.
+    """
 
     @abstractmethod
     def judge(self, evidence: Evidence) -> Verdict:
@@ -68,14 +72,6 @@ class Rule(StoppingRule, ABC):
         ------
         ValueError
             If the order or the size is violated.
-        """
-
-    @abstractmethod
-    def stored_images(self, evaluations: int) -> int:
-        """Return how many images the rule keeps after this many evaluations at equal steps.
-
-        Each costs 12 bytes per pixel in memory and in every checkpoint. Only `reverse` also holds a
-        percept, that of its first image, which takes 41 bytes per pixel of memory.
         """
 
     @abstractmethod
@@ -91,6 +87,18 @@ class Rule(StoppingRule, ABC):
         ValueError
             If it is not the memory of such a rule.
         """
+
+
+def points_in(rows: list[Json]) -> list[tuple[int, float]] | None:
+    """Return the points in the rows of a memory; None where a row is none."""
+    points = []
+    for row in rows:
+        match row:
+            case [int(spp), int(count) | float(count)]:
+                points.append((spp, count))
+            case _:
+                return None
+    return points
 
 
 def require_later(spp: int, newest: int | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -84,6 +85,10 @@ class RuleOverEarlierImages(Rule):
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
+
+    @abstractmethod
+    def stored_images(self, evaluations: int) -> int:
+        """Return how many images it keeps after this many evaluations at equal steps."""
 
     def memory(self) -> Memory:
         """Return the earlier images that later verdicts need."""

@@ -173,14 +173,9 @@ class Evidence:
             sizes=SMALL_ROUNDS if self.error is None else LARGE_ROUNDS,
         )
 
-    def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:
-        """Return the forecast for this target fraction of the pixels; None without halves.
-
-        `guess` is the spp of an earlier forecast for this target, which saves work.
-        """
+    def forecast(self, target: float) -> Forecast | None:
+        """Return the forecast for this target fraction of the pixels; None without halves."""
         if self._model is None or self.estimate is None:
             return None
-        found = forecast_from(
-            self.metric, *self._model, self.estimate, target, spp=self.spp, guess=guess
-        )
+        found = forecast_from(self.metric, *self._model, self.estimate, target, spp=self.spp)
         return when_determined(found, self.estimate, self.allowed_pixels(target), spp=self.spp)

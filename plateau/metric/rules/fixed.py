@@ -56,10 +56,6 @@ class Fixed(Rule):
             reason=f"the fixed {self.spp} spp are {words}: {evidence.spp} spp",
         )
 
-    def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
-        """Return 0."""
-        return 0
-
     def memory(self) -> Memory:
         """Return nothing: the evidence alone decides."""
         return Memory()

@@ -123,10 +123,6 @@ class Jod(Rule):
         """Return where the quality is expected to reach the target."""
         return None if self._forecast_spp is None else max(self._forecast_spp, self.min_spp)
 
-    def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
-        """Return 0: the monitor keeps the halves."""
-        return 0
-
     def memory(self) -> Memory:
         """Return the newest evaluation's spp, and what was lost there."""
         if self._before is None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
+from plateau.metric.rules.base import Memory, Rule, Verdict, points_in, require_later
 from plateau.metric.rules.line import least_squares_slope
 from plateau.metric.rules.reasons import darkness
 from plateau.rules import PAPER_PIXELS, ParameterRole, parameter
@@ -90,7 +90,7 @@ class Reverse(Rule):
     _first_image: Image | None = field(default=None, init=False, repr=False, compare=False)
     _first_percept: Percept | None = field(default=None, init=False, repr=False, compare=False)
     #: The last `window` points of the curve: spp and visible pixels.
-    _points: list[tuple[int, int]] = field(
+    _points: list[tuple[int, float]] = field(
         default_factory=list, init=False, repr=False, compare=False
     )
 
@@ -124,10 +124,6 @@ class Reverse(Rule):
             visible=visible,
         )
 
-    def stored_images(self, evaluations: int) -> int:
-        """Return 1 after the first evaluation."""
-        return min(evaluations, 1)
-
     def memory(self) -> Memory:
         """Return the first image, its spp, and the last points of the curve."""
         if self._first_image is None:
@@ -155,13 +151,12 @@ class Reverse(Rule):
             self._first_percept = evidence.metric.percept(self._first_image)
         return self._first_percept, self._first_spp
 
-    def _parse(self, memory: Memory) -> tuple[int, Image, list[tuple[int, int]]]:
+    def _parse(self, memory: Memory) -> tuple[int, Image, list[tuple[int, float]]]:
         from plateau.metric.display import as_image
 
         match memory.numbers:
             case {"first_spp": int(first_spp), "points": list(rows)} if "first" in memory.images:
-                points = [(spp, pixels) for row in rows for spp, pixels in _point(row)]
-                if len(points) == len(rows):
+                if (points := points_in(rows)) is not None:
                     first = as_image(memory.images["first"]).copy()
                     return first_spp, first, points[-self.window :]
         raise ValueError("not a memory of the rule 'reverse'")
@@ -180,15 +175,6 @@ class Reverse(Rule):
         if slope <= epsilon:
             return f"the curve has levelled off: {measured}, at most ε = {epsilon:.4g}"
         return f"the curve still climbs: {measured}, above ε = {epsilon:.4g}"
-
-
-def _point(row: Json) -> list[tuple[int, int]]:
-    """Return the point in a row of a memory as a list, empty for any other row."""
-    match row:
-        case [int(spp), int(pixels)]:
-            return [(spp, pixels)]
-        case _:
-            return []
 
 
 def _why_invisible(evidence: Evidence) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
+from plateau.metric.rules.base import Memory, Rule, Verdict, points_in, require_later
 from plateau.metric.rules.line import power_law_at_the_end
 from plateau.metric.rules.reasons import counted, darkness, left_out
 from plateau.rules import MOST_SPP, ParameterRole, parameter
@@ -117,10 +117,6 @@ class Visible(Rule):
             reason=self._reason(evidence, allowed, passed=passed, on_trend=on_trend, known=known),
         )
 
-    def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
-        """Return 0: the monitor keeps the halves."""
-        return 0
-
     def memory(self) -> Memory:
         """Return the newest evaluation's spp and the points of the trend."""
         if self._newest_spp is None:
@@ -135,8 +131,7 @@ class Visible(Rule):
             return
         match memory.numbers:
             case {"spp": int(spp), "points": list(rows)} if not memory.images:
-                points = [(spp, float(count)) for row in rows for spp, count in _point(row)]
-                if len(points) == len(rows):
+                if (points := points_in(rows)) is not None:
                     self._newest_spp, self._points = spp, points
                     return
         raise ValueError("not a memory of the rule 'visible'")
@@ -190,12 +185,3 @@ def _trend(points: list[tuple[int, float]]) -> float | None:
     if len(points) >= LEAST_POINTS:
         return power_law_at_the_end(points)
     return max(count for _, count in points) if len(points) > 1 else None
-
-
-def _point(row: Json) -> list[tuple[int, float]]:
-    """Return the point in a row of a memory as a list, empty for any other row."""
-    match row:
-        case [int(spp), int(pixels) | float(pixels)]:
-            return [(spp, pixels)]
-        case _:
-            return []

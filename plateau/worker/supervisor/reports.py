@@ -36,21 +36,20 @@ class Reports:
         self._queue = slices
         self._stop = stop
 
-    def hand_back(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """Give the slice back untouched."""
-        self._insist(
-            lambda: self._queue.hand_back(lease, tried.seconds, cause=cause, said=tried.said)
-        )
-
-    def unfit(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """Give the slice back untouched, because this worker can render nothing."""
-        self._insist(lambda: self._queue.hand_back(lease, cause=cause, unfit=True, said=tried.said))
-
-    def leave_out(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """Give the slice back, and take none of its job for a while."""
+    def hand_back(
+        self,
+        lease: Lease,
+        cause: str,
+        tried: Tried,
+        *,
+        unfit: bool = False,
+        leaves_out: bool = False,
+    ) -> None:
+        """Give the slice back untouched, as `SliceQueue.hand_back` does."""
+        about = {"cause": cause, "said": tried.said}
         self._insist(
             lambda: self._queue.hand_back(
-                lease, tried.seconds, cause=cause, leaves_out=True, said=tried.said
+                lease, tried.seconds, **about, unfit=unfit, leaves_out=leaves_out
             )
         )
 

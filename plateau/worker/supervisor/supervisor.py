@@ -186,7 +186,7 @@ class Supervisor:
         except FilesDiffer as error:
             self._about.last_error = f"job {lease.job_id}: {error}"
             _LOG.warning("%s", error)
-            self._reports.leave_out(lease, str(error), self._tried(started))
+            self._reports.hand_back(lease, str(error), self._tried(started), leaves_out=True)
         except FileNotFoundError:
             tried = self._tried(started)
             absent = f"the blob store has no scene {lease.scene_sha256}"
@@ -225,7 +225,7 @@ class Supervisor:
 
     def _give_up(self, lease: Lease, trouble: str, tried: Tried) -> None:
         """Return the slice, and take no work until this worker can render."""
-        self._reports.unfit(lease, trouble, tried)
+        self._reports.hand_back(lease, trouble, Tried(0.0, tried.said), unfit=True)
         self._rendering = None
         self._about.trouble = trouble
         self._sit_out(lease.variant)

@@ -261,12 +261,11 @@ def _last_words(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def _known(memory: identity.Memory) -> tuple[Probe, ...] | None:
-    """Return the outcome of the last trial, if another would probably have the same."""
+    """Return the outcome of the last trial, which another would probably have too."""
     try:
-        tried = tuple(Probe(**one) for one in memory.read() or ())
+        return tuple(Probe(**one) for one in memory.read()) or None
     except TypeError:
         return None
-    return tried if tried and all(map(_is_lasting, tried)) else None
 
 
 def _identity(candidates: list[tuple[str, str | None]]) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from plateau.metric.cvvdp import (
     DISPLAYS,
     ColorVideoVDP,
     Display,
-    light,
     pixels_per_degree,
     pooling,
     pyramid,
@@ -35,8 +34,8 @@ def images():
 
 
 def test_all_the_goldens_are_here():
-    assert [(row["pair"], row["display"]) for row in ROWS] == quality_goldens.cases()
-    assert len(ROWS) >= 100
+    assert {row["display"] for row in ROWS} == set(quality_goldens.DISPLAYS)
+    assert len({(row["pair"], row["display"]) for row in ROWS}) == len(ROWS) == 98
     assert sum(row["jod"] < 9 for row in ROWS) > 10
     assert sum(9 < row["jod"] < 9.99 for row in ROWS) > 50
 
@@ -46,16 +45,6 @@ def test_the_authors_numbers(row):
     quality = compared(model(row["display"]), *quality_goldens.pair(row["pair"]), heat=True)
     assert quality.jod == pytest.approx(row["jod"], abs=0.001)
     assert quality.heat.mean() == pytest.approx(row["mean_heat"], rel=0.01, abs=1e-4)
-
-
-def test_the_same_bits_for_any_number_of_threads(images):
-    one, three = (
-        compared(ColorVideoVDP(DISPLAYS["standard_4k"], threads), *images, heat=True)
-        for threads in (1, 3)
-    )
-    assert one.jod == three.jod
-    assert np.array_equal(one.differences, three.differences)
-    assert np.array_equal(one.heat, three.heat)
 
 
 def test_equal_images_are_perfect(images):
@@ -93,7 +82,6 @@ def test_the_standard_displays():
     four_k = DISPLAYS["standard_4k"]
     assert four_k.pixels_per_degree == pytest.approx(75.4, abs=0.05)
     assert four_k.reflected == pytest.approx(0.398, abs=0.001)
-    assert DISPLAYS["standard_hdr_hlg"].hlg_gamma == pytest.approx(1.251, abs=0.001)
     # Twice as far away, and twice as many pixels in a degree.
     assert pixels_per_degree((1920, 1080), 24, 1.2) == pytest.approx(75.66, abs=0.05)
 
@@ -124,9 +112,8 @@ def test_jod_is_continuous_and_falls():
         ({"peak": 0}, "peak must be"),
         ({"black": 200}, "below the peak"),
         ({"pixels_per_degree": float("nan")}, "pixels_per_degree must be"),
-        ({"transfer": "gamma"}, "transfer is one of srgb, pq"),
+        ({"transfer": "gamma"}, "transfer is one of srgb, relative"),
         ({"primaries": "p3"}, "primaries is one of"),
-        ({"transfer": "hlg", "peak": 1500.0, "ambient_lux": 0.0}, "needs ambient light"),
     ],
 )
 def test_a_display_that_cannot_be(wrong, says):
@@ -149,11 +136,3 @@ def test_images_that_cannot_be_judged():
         compared(metric, grey, np.full((8, 9, 3), 0.5))
     with pytest.raises(ValueError, match="met Display"):
         metric.compare(metric.percept(grey), model("wall").percept(grey))
-
-
-def test_absolute_light_is_shown_within_the_display():
-    shown = light.screen(Display(transfer="absolute", black=0.001, ambient_lux=0))
-    image = np.array([[0, 0, 0, 1e9, 1e9, 1e9]], np.float32)
-    out = np.empty((3, 1, 2), np.float32)
-    light.opponent(image, shown, 0, 1, out)
-    assert out[0, 0, 1] / out[0, 0, 0] == pytest.approx(200 / 0.005, rel=1e-4)

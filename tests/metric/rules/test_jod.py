@@ -1,12 +1,11 @@
 """The quality by ColorVideoVDP and its rule `jod`, on noise of which the truth is known."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Jod, Memory, View, VisibleDifferences
+from plateau.metric import Evidence, Half, Jod, View, VisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
@@ -145,19 +144,6 @@ class TestTheRule:
         assert rule.expected_end_spp(None) is None
         rule.judge(NOISY)
         assert rule.expected_end_spp(None) == NOISY.quality_forecast(9.0)
-
-    def test_another_process_continues_from_its_memory(self):
-        story = [evidence(spp) for spp in (1000, 1500, 2000, 3000)]
-        rule, other = Jod(min_spp=1), Jod(min_spp=1)
-        for one in story[:-1]:
-            rule.judge(one)
-        other.recall(Memory(json.loads(json.dumps(rule.memory().numbers))))
-        assert other.judge(story[-1]) == rule.judge(story[-1])
-
-    @pytest.mark.parametrize("numbers", [{"spp": "many", "points": []}, {"spp": 1}, {"x": 1}])
-    def test_recalls_no_other_memory(self, numbers):
-        with pytest.raises(ValueError, match="not a memory of the rule 'jod'"):
-            Jod().recall(Memory(numbers))
 
     def test_is_told_apart_from_an_image_of_one_slice(self):
         one = Evidence(100, NOISY.image, None, NOISY.metric)

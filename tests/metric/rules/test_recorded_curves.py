@@ -153,14 +153,6 @@ class TestThePrototypesCornellBox:
         stops = {row["spp"]: verdict.stop for row, verdict in zip(steep, verdicts, strict=True)}
         assert [spp for spp, stop in stops.items() if stop] == [2450]
 
-    @pytest.mark.parametrize("epsilon", [0.1, 0.4])
-    def test_reverse_waits_for_the_last_of_its_consecutive_slopes(self, epsilon):
-        # Whether the 0.1 is meant for this size, 0.4 at 512×512, or scales with it.
-        slopes = [0.13, 0.11, 0.23, 0.14, 0.13, 0.32, 0.32, 0.02]
-        recorded, spps = with_slopes(slopes)
-        verdicts = judged(create_rule("reverse", epsilon=epsilon), recorded, [100, *spps])[5:]
-        assert [verdict.stop for verdict in verdicts] == [False] * 7 + [True]
-
     def test_successive_and_myszkowski_stop_where_a_pixel_is_left(self):
         successive = self.pairs("successive", lambda spp: spp - 50)
         assert [spp for spp, verdict in successive if verdict.stop] == [2050, 2450]
@@ -174,16 +166,3 @@ class TestThePrototypesCornellBox:
         assert stop in (1550, 2050)
         [truth] = [row["truly_visible"] for row in self.ROWS if row["spp"] == stop]
         assert truth < 0.0003 * PIXELS
-
-
-class TestThePrototypesPreviewObject:
-    def test_reverse_stops_where_the_slope_turned_negative(self):
-        slopes = [42, 9.4, 3.0, 0.66, 0.35, -0.26, 0.02]
-        recorded, spps = with_slopes(slopes)
-        verdicts = judged(create_rule("reverse"), recorded, [100, *spps])[5:]
-        assert [verdict.stop for verdict in verdicts] == [False] * 5 + [True, True]
-
-    @pytest.mark.parametrize(("spp", "count"), [(3200, 28), (5000, 2)])
-    def test_myszkowski_goes_on(self, spp, count):
-        recorded = Recorded({(spp // 2, spp): count})
-        assert not judged(create_rule("myszkowski"), recorded, [spp // 2, spp])[-1].stop

@@ -1,5 +1,6 @@
 """What all rules have in common, and the simplest of them."""
 
+import io
 import json
 
 import numpy as np
@@ -24,6 +25,13 @@ GREY = np.full((8, 8, 3), 0.35, np.float32)
 
 def evidence(spp, halves=None):
     return Evidence(spp, GREY, halves, METRIC)
+
+
+def noisy(spp, sigma):
+    """A grey with so much noise in each of two halves."""
+    noise = np.random.default_rng(spp).normal(0, sigma, (2, 24, 32, 3))
+    even, odd = (np.float32(0.35) + noise).astype(np.float32)
+    return Evidence(spp, (even + odd) / 2, (Half(even, spp // 2), Half(odd, spp // 2)), METRIC)
 
 
 class TestCreateRule:
@@ -59,6 +67,8 @@ class TestCreateRule:
             ("reverse", "epsilon", float("nan")),
             ("reverse", "epsilon", float("inf")),
             ("reverse", "epsilon", "0.1"),
+            *(("visible", "target", value) for value in (0.0, 1.0, -0.1, float("nan"))),
+            *(("myszkowski", "alpha", value) for value in (0.0, 1.0, -1, float("nan"))),
         ],
     )
     def test_a_value_out_of_its_domain_is_refused(self, name, parameter, value):
@@ -103,6 +113,25 @@ class TestEveryRule:
     def test_a_memory_of_something_else_is_refused(self, name):
         with pytest.raises(ValueError, match=f"not a memory of the rule '{name}'"):
             create_rule(name).recall(Memory({"something": "else"}))
+
+
+@pytest.mark.parametrize("restart", [0, 1, 4, 9])
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [*((one, {}) for one in rules()), ("multiple", {"window": 3}), ("myszkowski", {"alpha": 0.3})],
+)
+def test_another_process_goes_on_to_the_very_same_verdicts(name, parameters, restart):
+    story = [noisy(100 * number, 0.3 / number**0.5) for number in range(1, 12)]
+    undisturbed, before, after = (create_rule(name, **parameters) for _ in range(3))
+    expected = [undisturbed.judge(seen) for seen in story]
+    verdicts = [before.judge(seen) for seen in story[:restart]]
+    memory, file = before.memory(), io.BytesIO()
+    np.savez(file, **memory.images)
+    file.seek(0)
+    with np.load(file) as images:
+        after.recall(Memory(json.loads(json.dumps(memory.numbers)), dict(images)))
+    verdicts += [after.judge(seen) for seen in story[restart:]]
+    assert verdicts == expected
 
 
 class TestFixed:

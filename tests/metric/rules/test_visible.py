@@ -1,11 +1,9 @@
 """The rule `visible` and its forecast, on noise of which the truth is known."""
 
-import json
-
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Memory, View, Visible, VisibleDifferences, forecast
+from plateau.metric import Evidence, Half, View, Visible, VisibleDifferences
 
 METRIC = VisibleDifferences(View())
 SIDE = 64
@@ -105,18 +103,6 @@ def test_without_halves_it_waits():
     assert "two halves" in verdict.reason
 
 
-def test_it_stores_no_image_and_goes_on_after_a_restart():
-    story = [evidence(spp) for spp in (NOISY, 400, 800, CLEAN, CLEAN + 100)]
-    first = Visible(min_spp=1)
-    for number, seen in enumerate(story):
-        second = Visible(min_spp=1)
-        memory = first.memory()
-        second.recall(Memory(json.loads(json.dumps(memory.numbers)), memory.images))
-        assert second.judge(seen).numbers == first.judge(seen).numbers, number
-    assert first.memory().images == {}
-    assert first.stored_images(10) == 0
-
-
 def test_its_trend_is_of_the_evaluations_since_half_the_samples():
     rule = Visible(min_spp=1)
     for spp in range(100, 1100, 100):
@@ -124,25 +110,19 @@ def test_its_trend_is_of_the_evaluations_since_half_the_samples():
     assert [spp for spp, _ in rule.memory().numbers["points"]] == [500, 600, 700, 800, 900, 1000]
 
 
-@pytest.mark.parametrize("target", [0.0, 1.0, -0.1, float("nan")])
-def test_its_target_is_a_share(target):
-    with pytest.raises(ValueError, match="target"):
-        Visible(target=target)
-
-
 class TestForecast:
     def test_the_estimate_has_fallen_to_the_target_where_it_says(self):
         # Given noise whose law is known, forecast from four times as noisy an image
         target, now = 0.02, 1600
         seen = evidence(now)
-        foretold = forecast(METRIC, seen.image, seen.halves, target)
+        foretold = seen.forecast(target)
         assert foretold.spp is not None
         assert foretold.low_spp <= foretold.spp <= foretold.high_spp
         # Then, in most of twenty tries, the true crossing lies within the band
         inside = 0
         for seed in range(20):
             seen = evidence(now, seed)
-            band = forecast(METRIC, seen.image, seen.halves, target)
+            band = seen.forecast(target)
             low = evidence(band.low_spp, seed + 100).estimate.fraction
             high = evidence(band.high_spp, seed + 200).estimate.fraction
             inside += high <= 1.1 * target and low >= 0.9 * target
@@ -151,14 +131,14 @@ class TestForecast:
 
     def test_what_is_reached_is_reached_now(self):
         seen = evidence(CLEAN)
-        foretold = forecast(METRIC, seen.image, seen.halves, 0.01)
+        foretold = seen.forecast(0.01)
         assert foretold.spp == foretold.low_spp == foretold.high_spp == CLEAN
 
     def test_a_lower_target_takes_longer(self):
         seen = evidence(1600)
-        spps = [forecast(METRIC, seen.image, seen.halves, t).spp for t in (0.1, 0.03, 0.01)]
+        spps = [seen.forecast(t).spp for t in (0.1, 0.03, 0.01)]
         assert spps == sorted(spps)
 
     def test_out_of_reach_is_said(self):
         seen = evidence(2, sigma=1000.0)
-        assert forecast(METRIC, seen.image, seen.halves, 1e-3).spp is None
+        assert seen.forecast(1e-3).spp is None

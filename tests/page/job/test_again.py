@@ -92,7 +92,6 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
             },
             "aovs": ["albedo", "depth"],
             "exr": {"precision": "half", "compression": "zip"},
-            "zones": [4, 4],
             "batch": "walk",
             "keep_slices": True,
             "priority": -5,

@@ -36,11 +36,11 @@ class TestScenes:
     def test_numbers_of_numpy(self, plateau: Client) -> None:
         spec = JobSpec(
             max_spp=np.int64(200),
-            zones=np.array([2, 3]),
+            view={"background": np.array([0, 0.5, 1])},
             parameters={"width": np.int32(64), "height": np.uint8(32), "intensity": np.float64(2)},
         )
         job = plateau.submit("scenes:box", spec)
-        assert (job.spec.zones, job.spec.max_spp) == ((2, 3), 200)
+        assert (job.spec.view.background, job.spec.max_spp) == ((0, 0.5, 1), 200)
         assert job.spec.parameter_strings() == {"width": "64", "height": "32", "intensity": "2.0"}
         assert plateau.set_priority(job.id, np.int64(7)).spec.priority == 7
 

@@ -54,31 +54,26 @@ class FaultyFarm(RealFarm):
         signal_name: str = "SIGKILL",
         target: str = "self",
         constants: dict[str, object] | None = None,
-        inside: tuple[str, ...] = (),
         passed: tuple[int, ...] = (),
-        **environment: str,
     ) -> subprocess.Popen[bytes]:
         """Start a process that a signal hits at a stage; see `tests.support.faults.stages`."""
-        stage = {
-            "where": where,
-            "when": when,
-            "time": time,
-            "signal": signal_name,
-            "target": target,
-            "set": constants or {},
-        }
-        how = {"inside": inside, "passed": passed}
-        return self._start_on(stage, role, *arguments, **how, **environment)  # type: ignore[arg-type]
+        stage = {"where": where, "when": when, "time": time, "target": target}
+        changes = {**stage, "signal": signal_name, "set": constants or {}}
+        return self.start_changed(role, *arguments, passed=passed, **changes)
 
     def start_changed(
         self,
         role: str,
         *arguments: str,
+        passed: tuple[int, ...] = (),
         environment: Mapping[str, str] = MappingProxyType({}),
         **changes: object,
     ) -> subprocess.Popen[bytes]:
         """Start a process with changes of `stages`, such as `set` or `clock_s`."""
-        return self._start_on(changes, role, *arguments, **environment)
+        module, stage = "tests.support.faults.stages", json.dumps(changes)
+        return self.start(
+            role, *arguments, passed=passed, module=module, STAGE=stage, **environment
+        )
 
     def start_patient(self, role: str, *arguments: str) -> subprocess.Popen[bytes]:
         """Start a process for which a slice may be tried a thousand times.
@@ -88,20 +83,6 @@ class FaultyFarm(RealFarm):
         return self.start_changed(
             role, *arguments, set={"plateau.farm.ledger.queue:MAX_TRIES": 1000}
         )
-
-    def _start_on(
-        self,
-        stage: dict[str, Any],
-        role: str,
-        *arguments: str,
-        inside: tuple[str, ...] = (),
-        passed: tuple[int, ...] = (),
-        **environment: str,
-    ) -> subprocess.Popen[bytes]:
-        armed = json.dumps(stage)
-        module = "tests.support.faults.stages"
-        how = {"module": module, "inside": inside, "passed": passed}
-        return self.start(role, *arguments, **how, STAGE=armed, **environment)  # type: ignore[arg-type]
 
     def wait_until_ended(
         self, process: subprocess.Popen[bytes], by: signal.Signals | None = None

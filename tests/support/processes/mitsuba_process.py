@@ -149,6 +149,17 @@ def by_mitsuba(spp: int, seeds: range) -> NDArray[np.float64]:
     return np.stack(films)
 
 
+def add_clock() -> None:
+    """Add an integrator ``clock``: what it sees grows with the time within the shutter."""
+    import mitsuba as mi
+
+    class Clock(mi.SamplingIntegrator):  # type: ignore[misc]
+        def sample(self, _scene, _sampler, ray, *_):  # type: ignore[no-untyped-def]
+            return mi.Color3f(ray.time**2), mi.Bool(True), []
+
+    mi.register_integrator("clock", Clock)
+
+
 def resident_bytes() -> int:
     """The memory that the process has in use."""
     return psutil.Process().memory_info().rss

@@ -38,9 +38,6 @@ class Toy(Rule):
             reason=f"looked {self._seen} times, at {evidence.spp} spp",
         )
 
-    def stored_images(self, evaluations):
-        return 0
-
     def memory(self):
         return Memory({"seen": self._seen}) if self._seen else Memory()
 

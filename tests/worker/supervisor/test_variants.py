@@ -298,11 +298,6 @@ class TestMemory:
         signalled("SIGKILL", at="site")
         assert choose(tmp_path / "cache") == choice
 
-    def test_what_an_earlier_version_remembered_of_the_moment_is_no_memory(self, tmp_path, first):
-        interrupted = "was ended by SIGINT, saying KeyboardInterrupt"
-        self._let_it_remember(tmp_path / "cache", detail=interrupted)
-        assert self._tried_again(choose(tmp_path / "cache"))
-
 
 def test_the_supervisors_side_never_imports_mitsuba():
     script = "import sys, plateau.worker.supervisor.variants; sys.exit('mitsuba' in sys.modules)"

@@ -26,7 +26,6 @@ from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
 from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
 from plateau.rules import MOST_SPP
 
-ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 
 
@@ -172,9 +171,6 @@ class SharedSpec(Strict):
     )
     view: Annotated[ViewSpec, FROM_PLACE] = Field(
         default_factory=ViewSpec, description="how the image is viewed"
-    )
-    zones: tuple[ZoneCount, ZoneCount] = Field(
-        default=(4, 4), description="rows and columns of zones that are judged apart"
     )
     keep_slices: bool = Field(
         default=False, description="keep every slice, to be judged again by other rules and views"

@@ -97,7 +97,7 @@ async def render_again(
 
     The new job has the samples of the old one, which stays as it is, where they are left and are
     those that the new spec draws; `again` says how many it keeps, or why none. Slices that were
-    kept (`keep_slices`) are judged anew, so the view, step and zones may change; with a `max_spp`
+    kept (`keep_slices`) are judged anew, so the view and step may change; with a `max_spp`
     that is not beyond them, nothing is rendered. Otherwise the sums of the samples are continued,
     which are kept for PLATEAU_KEEP_SUMS_DAYS. Another `seed` draws other samples. A notice,
     `after` and `shot` are not inherited.

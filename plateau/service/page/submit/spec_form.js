@@ -69,8 +69,8 @@ export class SpecForm {
    * @param {Api.JobSpec} spec
    */
   fill(spec) {
-    const { zones, frame_seed, view, watch } = spec;
-    this.#kept = { zones, frame_seed };
+    const { frame_seed, view, watch } = spec;
+    this.#kept = { frame_seed };
     this.#keptView = view.focus ? { focus: view.focus } : {};
     this.#watched = watch;
     for (const part of [this.#limits, this.#workers]) part.fill(spec);

@@ -12,7 +12,7 @@ from plateau.farm.model.aovs import AOVS
 from plateau.worker.renderers.analytic import aovs as geometry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -160,14 +160,6 @@ class Picture:
         if self._aovs:
             film[..., self.channels.judged :] = self._aov_sums(rng, spp)
         return film
-
-    def slice_film(self, passes: Iterable[tuple[int, int]]) -> NDArray[np.float32]:
-        """Return the film of a slice: its passes in their order, added as a render child adds."""
-        total: Array | None = None
-        for spp, seed in passes:
-            total = self.channels.add(total, self.film(spp, seed))
-        assert total is not None  # a slice has a pass
-        return total.astype(np.float32)
 
     def _aov_sums(self, rng: np.random.Generator, spp: int) -> Array:
         """Return the sums of the AOVs, and the ids at the first sample of each pixel."""
