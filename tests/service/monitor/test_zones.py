@@ -10,23 +10,18 @@ import redis
 
 from plateau.farm.images.exr import (
     Pixels,
-    decode_image,
     decode_layers,
     decode_partial,
     encode_partial,
 )
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.totals import take_census
-from plateau.farm.model.job import Job
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
-from plateau.service.api.points import KeptSlice
-from plateau.service.api.points.sums import PointSums
 from tests.service.api.routes.test_again import go_on, loses
-from tests.support.farms.every_time import save_every_time
-from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
+from tests.support.farms.finished_jobs import finished
 from tests.support.farms.noise_farm import NoiseFarm, ramp
 from tests.support.faults.invariants import check_job
 from tests.support.long_tests import rare
@@ -106,24 +101,6 @@ def test_noisy_zones_have_more_samples_than_calm_ones(
     assert frame.state is JobState.CONVERGED
     assert frame.spp > spp.mean()
     assert ("denoised.weight" in layers) == (spec is DENOISED)
-
-
-@MOSTLY
-def test_its_image_depends_on_no_monitor_and_no_order(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, spec: dict[str, object]
-) -> None:
-    save_every_time(monkeypatch)
-    one, other = finished(farm, **spec), farm.submit(**spec)
-    finish_by_many_monitors(farm, other)
-    assert farm.jobs.get(other.id).reason == one.reason
-    assert curve(farm, other) == curve(farm, one)
-    images = [decode_layers(farm.picture(job, "image.exr")) for job in (one, other)]
-    for name, values in images[0].items():
-        np.testing.assert_array_equal(values, images[1][name])
-
-
-def curve(farm: NoiseFarm, job: Job) -> list[dict[str, object]]:
-    return [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
 
 
 @MOSTLY
@@ -246,19 +223,8 @@ def test_one_that_its_cap_ended_goes_on_to_a_higher_cap(farm: NoiseFarm) -> None
         check_job(farm.jobs, farm.store, farm.client, done.id)
 
 
-def test_its_kept_slices_make_its_images_and_can_be_judged_by_another_rule(
-    farm: NoiseFarm,
-) -> None:
+def test_its_kept_slices_can_be_judged_by_another_rule(farm: NoiseFarm) -> None:
     done = finished(farm, **JOB, keep_slices=True)
-    plan, ledger = farm.jobs.plan(done), farm.jobs.ledger(done.id)
-    slices = [
-        KeptSlice(ledger[index]["blob"], ledger[index]["sha256"])
-        for index in range(plan.slices_of(done.spp))
-    ]
-    image = PointSums(farm.store).image(
-        done.id, slices, is_given_up=lambda: False, zone_size=plan.size
-    )
-    np.testing.assert_array_equal(image, decode_image(farm.picture(done, "image.exr")))
     assert loses(farm, done, allocation={"name": "frame"}) == "allocation"
     assert loses(farm, done, step=80) == "step"
     with farm.monitor():
