@@ -51,12 +51,12 @@ def within(found: Counter[str], most: int) -> None:
 @pytest.mark.parametrize(
     ("folders", "kinds", "most"),
     [
-        (("plateau",), CODE, 63_930),  # the aim: 60,000
+        (("plateau",), CODE, 60_000),
         (EXTENSIONS, CODE, 5_000),
         (("bench",), CODE, 4_000),
         (("bench",), (".json", ".csv"), 5_000),
-        (("tests",), CODE, 57_750),  # the aim: 46,000
-        (("plateau/farm/redis/lua",), (".lua",), 1_960),  # the aim: 1,800
+        (("tests",), CODE, 52_300),  # the aim: 46,000
+        (("plateau/farm/redis/lua",), (".lua",), 1_800),
     ],
     ids=["core", "extensions", "bench", "results of bench", "tests", "Lua"],
 )

@@ -1,6 +1,5 @@
 """The metadata of image files: attributes of an EXR's header, and text chunks of a PNG."""
 
-import json
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -9,10 +8,8 @@ from plateau.farm.model.job import Job, utc_now
 from plateau.picture.denoised import Denoised
 from plateau.picture.merge import Merge
 
-#: By name, without ``plateau:``. Each set of results stores them in a file, so that its images can
-#: be made again to the byte.
+#: By name, without ``plateau:``.
 Facts = Mapping[str, str | int]
-FILE: Final = "facts.json"
 
 #: Rec. 709: x and y of red, green, blue and white.
 _CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
@@ -35,7 +32,10 @@ def facts_of(
         The image denoised, if it is.
     """
     known: dict[str, str | int] = {
-        **identity(job, merge.spp),
+        "job": job.id,
+        "spp": merge.spp,
+        "scene": job.name,
+        "scene_sha256": job.scene_sha256,
         **merge.origin,
         "rule": job.spec.rule.model_dump_json(),
         "state": state,
@@ -48,22 +48,6 @@ def facts_of(
     return {name: value for name, value in known.items() if value != ""}
 
 
-def identity(job: Job, spp: int) -> Facts:
-    """Return the facts that never change: job, spp and scene."""
-    return {"job": job.id, "spp": spp, "scene": job.name, "scene_sha256": job.scene_sha256}
-
-
-def encode_facts(facts: Facts) -> bytes:
-    """Return the facts as a file."""
-    return json.dumps(facts).encode()
-
-
-def decode_facts(content: bytes) -> Facts:
-    """Return the facts in a file; ValueError if it is not JSON."""
-    facts: Facts = json.loads(content)
-    return facts
-
-
 def exr_header(facts: Facts) -> dict[str, Any]:
     """Return the attributes of an EXR file."""
     attributes = {f"plateau:{name}": value for name, value in facts.items()}
@@ -71,6 +55,6 @@ def exr_header(facts: Facts) -> dict[str, Any]:
 
 
 def png_texts(facts: Facts) -> dict[str, str]:
-    """Return the text chunks of a PNG file: only what never changes, as previews are remade."""
+    """Return the text chunks of a PNG file: what never changes for the image of this spp."""
     named = ("job", "spp", "scene", "scene_sha256")
     return {f"plateau:{name}": str(facts[name]) for name in named if facts.get(name)}

@@ -1,7 +1,4 @@
-"""The files of a set of results.
-
-They depend on the image and its facts alone, so a damaged file can be made again to the byte.
-"""
+"""The files of a set of results, which depend on the image and its facts alone."""
 
 from typing import Any, Final, NamedTuple
 

@@ -5,8 +5,7 @@ from typing import Final
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.records import prefix_length
 from plateau.farm.model.job import Job
-from plateau.service.api.points import KeptSlice
-from plateau.study.model import MOST_LEVELS, MOST_PIXELS, CannotStudy
+from plateau.study.model import MOST_LEVELS, MOST_PIXELS, CannotStudy, KeptSlice
 from plateau.study.order import Method
 
 #: The paper's levels, as shares of the reference's spp: 100, 500, …, 2500 of 10,000.

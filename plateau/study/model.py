@@ -1,6 +1,7 @@
 """The model of observer studies: what is compared, who took part, and the answers."""
 
 import math
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
@@ -19,6 +20,14 @@ PROBABILITIES: Final = (0.5, 0.1)
 
 #: An observer's name, which no spreadsheet takes for a formula.
 PSEUDONYM: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
+
+
+@dataclass(frozen=True)
+class KeptSlice:
+    """The blob of a slice, and the digest that it must have."""
+
+    blob: str
+    sha256: str
 
 
 class StudyNotFound(FarmError):

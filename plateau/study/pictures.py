@@ -17,9 +17,8 @@ from plateau.metric import encode_srgb
 from plateau.picture.films import checked_partial
 from plateau.picture.independence import Independence, NotIndependent
 from plateau.picture.merge import Merge
-from plateau.service.api.points import KeptSlice
 from plateau.study.ledger import study_level, study_reference
-from plateau.study.model import CannotStudy
+from plateau.study.model import CannotStudy, KeptSlice
 
 #: Merging takes a few hundred MB, so one process makes one study at a time.
 _ONE_AT_A_TIME: Final = threading.Lock()

@@ -1,7 +1,6 @@
 """A farm is upgraded under load, one process after the other, and nobody notices."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -9,7 +8,6 @@ import pytest
 
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.redis import keys
-from plateau.service.api.events.feed import position
 from tests.cluster.support_upgrade import Member, People, UpgradedFarm
 from tests.support.farms.faulty_farm import SPEC
 from tests.support.faults.invariants import assert_same, outcome
@@ -50,7 +48,6 @@ def test_a_rolling_restart_loses_nothing(
         assert [event.id for event in one.events] == [
             event.id for event in farm.jobs.events(one.job_id)
         ]
-        assert all(position(a.id) < position(b.id) for a, b in pairwise(one.events))
         assert one.points == [point.spp for point in farm.jobs.curve(one.job_id)]
     # And no worker left its slice to run out: it finished it, or gave it back
     tries = take_census(farm.redis_client).tries

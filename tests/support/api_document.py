@@ -7,7 +7,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.redis.link import connect
 from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.scene_checks.pool import SceneChecks
 from tests.support.farms.live_api import LARGEST_UPLOAD
 

@@ -189,7 +189,7 @@ class ApiKeys:
         with unavailable_as_farm_error():
             text = self._redis.hget(keys.API_KEYS, match[1])
         key = None if text is None else ApiKey.model_validate_json(text)
-        return key if key is not None and opens(key, shown) else None
+        return key if key is not None and _opens(key, shown) else None
 
     def owner_of(self, job_id: str) -> str | None:
         """Id of the key that made the job; "" where none did, None where there is no such job."""
@@ -223,7 +223,7 @@ class ApiKeys:
             return moment(now_ms(self._redis))
 
 
-def opens(key: ApiKey, shown: str) -> bool:
+def _opens(key: ApiKey, shown: str) -> bool:
     """Whether it is the key's showing, and the key was not revoked; in constant time."""
     match = _SHOWN.fullmatch(shown)
     secret = match[2] if match is not None and match[1] == key.id else ""

@@ -18,7 +18,7 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.layers import (
     AnswerWhenCutOff,
     HeadAsGet,
@@ -30,8 +30,6 @@ from plateau.service.api.metrics.farm import Metrics
 from plateau.service.api.metrics.requests import CountRequests
 from plateau.service.api.openapi import DescribedAPI, refuse_unknown_parameters
 from plateau.service.api.parts import Parts
-from plateau.service.api.points.images import PointImages
-from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import again as routes_again
 from plateau.service.api.routes import batches as routes_batches
@@ -42,7 +40,6 @@ from plateau.service.api.routes import images as routes_images
 from plateau.service.api.routes import jobs as routes_jobs
 from plateau.service.api.routes import notices as routes_notices
 from plateau.service.api.routes import pages as routes_pages
-from plateau.service.api.routes import previews as routes_previews
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
@@ -50,6 +47,7 @@ from plateau.service.api.routes import submit as routes_submit
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.api.stored_files import StoredFiles
 from plateau.service.notices.receivers import Receivers
 from plateau.service.notices.targets import Targets
 
@@ -82,7 +80,6 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
         await hub.close()
-        points.close()
         checks.close()
 
     app = DescribedAPI(
@@ -101,17 +98,15 @@ def create_app(
         # A job shows the spec that it was given, so one schema describes both.
         separate_input_output_schemas=False,
     )
-    ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
         redis=client,
-        jobs=ledger,
+        jobs=Jobs(client),
         scenes=SceneIndex(client),
         batches=Batches(client),
         deletions=Deletions(client),
         continuations=Continuations(client),
         blobs=blobs,
-        files=StoredFiles(blobs, ledger),
-        points=points,
+        files=StoredFiles(blobs),
         checks=checks,
         hub=hub,
         workers=Workers(client),
@@ -120,7 +115,7 @@ def create_app(
         placing=placing or Placing(),
     )
     app.state.parts = parts
-    app.state.metrics = Metrics(client, blobs)
+    app.state.metrics = Metrics(client)
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
         routes_submit,
@@ -131,7 +126,6 @@ def create_app(
         routes_again,
         routes_results,
         routes_images,
-        routes_previews,
         routes_downloads,
         routes_scenes,
         routes_usage,

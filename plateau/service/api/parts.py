@@ -16,11 +16,10 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.redis.client import RedisClient
-from plateau.service.api.events.hub import EventHub
-from plateau.service.api.points.images import PointImages
-from plateau.service.api.points.stored_files import StoredFiles
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.api.stored_files import StoredFiles
 from plateau.service.notices.receivers import Receivers
 from plateau.service.notices.targets import Targets
 
@@ -39,7 +38,6 @@ class Parts:
     continuations: Continuations
     blobs: Blobs
     files: StoredFiles
-    points: PointImages
     checks: SceneChecks
     placing: Placing  #: scenes where they lie
     hub: EventHub

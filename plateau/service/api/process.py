@@ -1,16 +1,13 @@
 """The API as a process: checks that it may listen, and serves until it is told to stop."""
 
-import asyncio
 import logging
 import os
 import socket
 import ssl
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import uvicorn
@@ -24,7 +21,7 @@ from plateau.farm.redis.link import connect
 from plateau.farm.redis.url import is_loopback
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.server import (
     backlog,
     most_connections,
@@ -39,7 +36,6 @@ from plateau.service.notices.targets import read_targets
 _GRACE_S: Final = 5
 #: The longest that a client may leave an answer unread, in seconds.
 UNREAD_S: Final = 300.0
-_TICK_S: Final = 1.0  #: between two updates of the answers' date
 
 #: How to keep others from reading keys on the network.
 _TLS: Final = (
@@ -224,29 +220,12 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._hub = hub
         self._ready = ready
-        self._asked_to_stop = asyncio.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         # The first request may come before the first tick, which adds the date.
         self.server_state.default_headers = self.config.encoded_headers
         await super().startup(sockets)
-        self._loop = asyncio.get_running_loop()
         self._ready()
-
-    async def main_loop(self) -> None:
-        """Wait for the order to stop; uvicorn's own loop polls ten times a second."""
-        while not await self.on_tick(0):  # updates the date of answers
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._asked_to_stop.wait(), _TICK_S)
-
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Ask the server to stop; after a second signal it waits for no request."""
-        if self.should_exit:
-            self.force_exit = True
-        super().handle_exit(sig, frame)
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._asked_to_stop.set)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._hub.stop_watching()

@@ -259,14 +259,20 @@ ENDED: Final = (
         lambda known: known.is_being_denoised,
         Wait(),
     ),
+    # A job that continues this one takes over its curve and the memory of its rules.
     Row(
-        "the rules must see a point that the curve already has, and its image is to be denoised",
-        lambda known: known.is_to_be_recalled and known.is_to_be_denoised,
+        "the rules have judged a point that the curve lacks",
+        lambda known: known.is_to_be_added,
+        RecordPoint(),
+    ),
+    Row(
+        "the sums have reached a point of the curve, and their image is to be denoised",
+        lambda known: known.is_to_be_judged and known.is_to_be_denoised,
         DenoiseImage(),
     ),
     Row(
-        "the rules must see a point that the curve already has",
-        lambda known: known.is_to_be_recalled,
+        "the sums have reached a point of the curve",
+        lambda known: known.is_to_be_judged,
         JudgeImage(),
     ),
     Row(

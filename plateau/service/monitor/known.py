@@ -153,6 +153,12 @@ class Known:
         return self.judged < self.merged and self.plan.is_point(self.merged)
 
     @property
+    def is_to_be_added(self) -> bool:
+        """Whether the rules have judged an image that the curve of the ended job lacks."""
+        is_judged = self.answer is not None and self.judged == self.merged
+        return is_judged and not self.recorded and self.spp > self.job.spp
+
+    @property
     def is_to_be_denoised(self) -> bool:
         """Whether the merged image is denoised before anybody judges it, or has it as a result."""
         if not self.job.spec.is_denoised or self.merged <= 1:
@@ -160,14 +166,9 @@ class Known:
         return self.denoised != self.merged or (self.is_draft and self.is_result)
 
     @property
-    def is_to_be_recalled(self) -> bool:
-        """Whether the rules have to see a point that the curve of the ended job already has."""
-        return self.is_to_be_judged and self.spp <= self.job.spp
-
-    @property
     def is_result(self) -> bool:
         """Whether the merged image is one of an ended job, and no rule has to see it."""
-        return self.job.state.ended and not self.is_to_be_recalled
+        return self.job.state.ended and not self.is_to_be_judged
 
     @property
     def may_be_drafted(self) -> bool:

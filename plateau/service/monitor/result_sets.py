@@ -13,7 +13,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.picture.denoised import Denoised
-from plateau.picture.facts import FILE, Facts, encode_facts, facts_of
+from plateau.picture.facts import Facts, facts_of
 from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
 from plateau.picture.previews import Previews
@@ -124,11 +124,7 @@ class ResultSets:
     ) -> dict[str, bytes]:
         blend = None if denoised is None else denoised.blend
         maps = judge.visible_map(merge, blend), judge.noise_maps(merge, denoised)
-        files = result_files(merge, *maps, facts, self._spec, blend, compressed=compressed)
-        return {
-            **files,
-            FILE: encode_facts(facts),
-        }
+        return result_files(merge, *maps, facts, self._spec, blend, compressed=compressed)
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> tuple[str, dict[str, str]]:
         name = blobs.result_set(self._owned.job_id, spp, token)

@@ -40,13 +40,13 @@ def test_files_are_listed_as_they_come(visit: Visit, farm: NoiseFarm, job: Job) 
     expect(page.locator(".files")).to_have_text("They come with its first samples.")
     # Given an image and no point
     farm.render(2)
-    files_are(page, "EXR", "PNG", "Report", "Zip")
+    files_are(page, "EXR", "PNG", "Zip")
     with page.expect_download() as download:
         page.locator(".files").get_by_role("link", name="EXR").click()
     assert download.value.path().read_bytes().startswith(b"v/1\x01")
     # When there is a point
     farm.render(2)
-    files_are(page, "EXR", "PNG", "Difference", "Noise", "CSV", "Report", "Zip")
+    files_are(page, "EXR", "PNG", "Difference", "Noise", "CSV", "Zip")
 
 
 def test_a_job_that_ended_without_an_image_says_so(visit: Visit, farm: NoiseFarm, job: Job) -> None:

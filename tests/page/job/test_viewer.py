@@ -2,19 +2,12 @@
 
 import re
 
-import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from plateau.farm.images.exr import Pixels, decode_partial
-from plateau.farm.model.job import Job
-from plateau.metric import encode_srgb
-from plateau.picture.merge import Merge
-from plateau.picture.previews import kept
 from tests.page.conftest import Visit
 from tests.page.job.conftest import Finished, is_shown, png
 from tests.page.test_access import violations
-from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.long_tests import rare
 from tests.support.processes.browser import Visitor
 
@@ -67,38 +60,23 @@ def test_two_jobs_are_compared_and_flipped(
     looker.expected = set()
 
 
-def merged(farm: NoiseFarm, job: Job, spp: int) -> Pixels:
-    """The linear image of a job's first slices."""
-    merge = Merge(slice_spp=25)
-    ledger = farm.jobs.ledger(job.id)
-    for index in range(spp // 25):
-        merge.add(decode_partial(farm.store.get(ledger[index]["blob"])).pixels)
-    return merge.image()
-
-
 def side(page: Page, number: int) -> Locator:
     return page.locator(".side img").nth(number)
 
 
-def test_any_two_points_of_a_job_that_kept_its_slices_at_one_exposure(
-    shown: Page, finished: Finished
-) -> None:
-    farm, job = finished.farm, finished.other
-    shown.goto(f"/jobs/{job.id}")
+def test_any_two_kept_pictures_at_one_exposure(shown: Page, finished: Finished) -> None:
+    shown.goto(f"/jobs/{finished.job.id}")
     shown.get_by_role("button", name="Compare").click()
     left, right = (shown.get_by_role("combobox", name=name) for name in ("Left", "Right"))
-    points = [point.spp for point in farm.jobs.curve(job.id)]
-    assert len(kept(farm.store, job.id)) < len(points) == 8
     for select in (left, right):
-        names = [f"{spp} spp" for spp in points]
+        names = [f"{spp} spp" for spp in finished.previews]
         expect(select.locator("option")).to_have_text([*names, "final image"])
-    for one, other in ((75, 175), (175, 50)):
+    first, *_, last = finished.previews
+    for one, other in ((first, last), (last, first)):
         left.select_option(str(one))
         right.select_option(str(other))
         for number, spp in ((0, one), (1, other)):
-            picture = encode_srgb(merged(farm, job, spp), 0).astype(np.int16)
-            is_shown(side(shown, number), picture)
-    expect(shown.get_by_text("Every point of the curve")).to_be_visible()
+            is_shown(side(shown, number), finished.preview(spp))
     shown.get_by_label("Exposure").fill("3.5")
     for number in (0, 1):
         expect(side(shown, number)).to_have_css("filter", 'url("#exposure")')

@@ -23,8 +23,6 @@ from tests.support.farms.staged_job import StagedJob
 JSON = "application/json"
 PROBLEM = "application/problem+json"
 
-PATCH = {"$ref": "#/components/schemas/SpecChanges"}
-
 Operation = tuple[str, str, dict[str, Any]]
 
 
@@ -115,46 +113,6 @@ def test_every_body_says_all_that_may_be_in_it(
         for media in described.get("requestBody", {}).get("content", {}).values():
             schema = resolved(document, media["schema"])
             assert schema["additionalProperties"] is False, f"{method} {path}"
-
-
-class TestThePatchOfASpec:
-    """The body of `again`, which names fields of the spec and parts of them."""
-
-    def test_takes_any_part(self, document: dict[str, Any]) -> None:
-        for changes in (
-            {},
-            {"max_spp": 400, "min_spp": None},
-            {"rule": {"name": "fixed", "spp": 100.0}},
-            {"rule": {"window": 7}},  # of two rules, of which the old job has one
-            {"watch": [{"name": "reverse"}, {"name": "visible", "target": 0.1}]},
-            {"view": {"exposure_ev": -1, "primaries": None}},
-            {"requires": ["gpu"], "notice": {"url": "https://studio.example/"}},
-            {"parameters": {"width": 64, "film": None}},
-        ):
-            assert violations(document, PATCH, changes) == []
-
-    @pytest.mark.parametrize(
-        "changes",
-        [
-            {"no_such_field": None},
-            {"view": {"no_such_field": None}},
-            {"max_spp": "400"},
-            {"max_spp": 0},
-            {"rule": {"name": "none such"}},
-            {"watch": [{"window": 7, "target": 0.1}]},
-            [],
-        ],
-    )
-    def test_takes_nothing_else_and_nor_does_the_api(
-        self, document: dict[str, Any], http: httpx.Client, client: redis.Redis, changes: Any
-    ) -> None:
-        assert violations(document, PATCH, changes)
-        job = StagedJob(client, keep_slices=True)
-        job.commit()
-        job.end()
-        job.finish()
-        said = http.post(f"/v1/jobs/{job.id}/again", json=changes).json()
-        assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}
 
 
 def test_every_call_and_all_that_it_takes_is_described(operations: list[Operation]) -> None:
@@ -249,7 +207,7 @@ def test_every_number_that_it_takes_has_bounds(
     names = {name for name, _ in found}
     assert {"limit", "JobSpec.step", "ViewSpec.exposure_ev", "Screen.pixel_pitch_mm"} <= names
     # Of a scene's parameters only the scene knows what they may be.
-    scenes = {"JobSpec.parameters", "BatchSpec.parameters", "SpecChanges.parameters"}
+    scenes = {"JobSpec.parameters", "BatchSpec.parameters"}
     unbounded = {name for name, part in found if not {"minimum", "maximum"} <= part.keys()}
     assert unbounded == scenes
 
@@ -300,14 +258,6 @@ class TestTheRequestExamples:
         again = submit(http, None, stored["spec"], scene_sha256=stored["scene_sha256"])
         assert again.status_code == 201, again.text
         assert again.json()["scene_sha256"] == first.json()["scene_sha256"]
-
-    def test_change_a_job(
-        self, http: httpx.Client, client: redis.Redis, document: dict[str, Any]
-    ) -> None:
-        job = StagedJob(client)
-        [body] = of_its_schema(document, {"$ref": "#/components/schemas/JobChange"})
-        answer = http.patch(f"/v1/jobs/{job.id}", json=body)
-        assert answer.status_code == 200, answer.text
 
     def test_are_understood_where_they_are_parameters(
         self, http: httpx.Client, client: redis.Redis, operations: list[Operation]

@@ -364,11 +364,10 @@ class DecidingMonitor:
             job.image_spp = spp
             known = replace(known, shown_spp=spp, shown_at_s=job.clock_s)
         if save:
-            # While the job goes on, nothing is saved that was judged and not recorded
+            # The rules have seen all points that it has, and so has the curve
             points = points_of(job.spec, spp)
-            if not known.job.state.ended:
-                assert self.judged == points
-                assert set(points) <= set(job.curve)
+            assert self.judged == points
+            assert set(points) <= set(job.curve)
             self.write()
             job.checkpoint = Checkpoint(self.sums, tuple(self.judged))
             if not job.spec.keep_slices:

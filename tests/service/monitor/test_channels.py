@@ -16,9 +16,7 @@ from plateau.farm.model import versions
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
-from plateau.service.api.points.remaking import remade
 from tests.service.api.routes.test_again import go_on
-from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
 from tests.support.until import until
 
@@ -69,50 +67,6 @@ def test_one_exr_has_colour_alpha_and_the_aovs_by_name(farm: NoiseFarm) -> None:
     for layer, prefix in ((None, ""), ("albedo", "albedo.")):
         colour = np.stack([layers[f"{prefix}{name}"] for name in "RGB"], axis=-1)
         assert np.array_equal(decode_image(content, layer), colour)
-
-
-def test_colour_is_the_same_with_aovs_and_without(farm: NoiseFarm) -> None:
-    plain, rich = finished(farm), finished(farm, aovs=AOVS)
-    for name in ("image.png", "difference.png", "thumbnail.png"):
-        one, other = (
-            np.asarray(Image.open(io.BytesIO(farm.picture(job, name)))) for job in (plain, rich)
-        )
-        assert np.array_equal(one, other)
-    one, other = (
-        [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
-        for job in (plain, rich)
-    )
-    assert one == other
-
-
-def test_channels_do_not_depend_on_the_order_of_commits_or_on_who_merges(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    save_every_time(monkeypatch)
-    undisturbed = finished(farm, aovs=AOVS)
-    # Given slices that come backwards, and a monitor that goes away after each point
-    job = farm.submit(**JOB, aovs=AOVS)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.get(job.id).image_spp)
-        content = farm.picture(job, "image.exr")
-    said = header(content)
-    assert (said["plateau:spp"], said["plateau:state"]) == (10, "rendering")
-    assert decode_layers(content).keys() == NAMES
-    for points in range(1, 4):
-        with farm.monitor():
-            while farm.jobs.get(job.id).points < points:
-                leases = []
-                while (lease := farm.lease()) is not None:
-                    leases.append(lease)
-                for lease in reversed(leases):
-                    farm.commit(lease)
-    with farm.monitor():
-        farm.finish(job)
-    # Then every channel is the same to the bit
-    one, other = (decode_layers(farm.picture(each, "image.exr")) for each in (undisturbed, job))
-    assert one.keys() == other.keys() == NAMES
-    assert all(one[name].tobytes() == other[name].tobytes() for name in NAMES)
 
 
 def test_a_half_file_keeps_ids_and_depth_whole(farm: NoiseFarm) -> None:
@@ -215,17 +169,6 @@ def test_slices_without_the_aovs_are_rendered_again_and_then_fail_the_job(farm: 
     assert done.state is JobState.FAILED
     assert "slice 0 lacks the channels Z, albedo.B, albedo.G, albedo.R, id.shape" in done.reason
     assert "upgrade it" in done.reason
-
-
-@pytest.mark.parametrize("keeps_slices", [False, True])
-def test_a_spoiled_file_is_made_again_with_all_that_it_said(
-    farm: NoiseFarm, keeps_slices: bool
-) -> None:
-    done = finished(farm, aovs=AOVS, keep_slices=keeps_slices, view={"background": (1, 1, 1)})
-    for name in ("image.exr", "image.png", "difference.png"):
-        blob = f"{farm.jobs.results(done.id)}/{name}"
-        content = farm.store.get(blob)
-        assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
 
 
 def test_an_image_of_workers_of_several_kinds_says_so(farm: NoiseFarm) -> None:

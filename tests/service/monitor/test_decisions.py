@@ -80,6 +80,10 @@ RESTORED = replace(
 #: A job whose image is denoised.
 DENOISED = known(job=made_job(spec={"denoise": {"name": "oidn"}}), merged=4)
 
+CONVERGED = steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True)
+GOOD = replace(CONVERGED, reason="levelled off; the shot is good")
+NOTHING = steps.ShowAndSave(False, False)
+
 #: What is known, and what is done then: a case at least for each row of each table.
 CASES: list[tuple[Known, steps.Step]] = [
     (known(planned=-1, enough=3), steps.PlanSlices(3, 200)),
@@ -88,14 +92,8 @@ CASES: list[tuple[Known, steps.Step]] = [
         replace(RECORDED, answer=BROKEN),
         steps.EndJob(JobState.FAILED, "image", "3 pixels are NaN", None, True),
     ),
-    (
-        replace(RECORDED, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
-    ),
-    (
-        replace(AT_THE_CAP, answer=STOP),
-        steps.EndJob(JobState.CONVERGED, "rule", "levelled off", {"slope": 0.0}, True),
-    ),
+    (replace(RECORDED, answer=STOP), CONVERGED),
+    (replace(AT_THE_CAP, answer=STOP), CONVERGED),
     (
         AT_THE_CAP,
         steps.EndJob(
@@ -107,21 +105,10 @@ CASES: list[tuple[Known, steps.Step]] = [
     (replace(AT_THE_CAP, job=frame({"max_spp": 100})), steps.HoldFrame()),
     (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), saved=3), steps.HoldFrame()),
     (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), planned=-1), steps.Wait()),
-    (
-        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=ASKED)),
-        steps.ShowAndSave(False, False),
-    ),
-    (
-        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)),
-        steps.EndJob(
-            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
-        ),
-    ),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=ASKED)), NOTHING),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)), GOOD),
     # Its sums were lost after that, and it does not end with fewer
-    (
-        replace(RECORDED, answer=STOP, job=frame(answer={**MAY_END, "spp": 200})),
-        steps.ShowAndSave(False, False),
-    ),
+    (replace(RECORDED, answer=STOP, job=frame(answer={**MAY_END, "spp": 200})), NOTHING),
     (
         replace(
             AT_THE_CAP,
@@ -139,25 +126,14 @@ CASES: list[tuple[Known, steps.Step]] = [
     # Its image is denoised anew by a monitor that has read its sums
     (RESTORED, steps.DenoiseImage()),
     (replace(RESTORED, is_being_denoised=True), steps.Wait()),
-    (
-        replace(RESTORED, denoised=RECORDED.merged),
-        steps.EndJob(
-            JobState.CONVERGED, "rule", "levelled off; the shot is good", {"slope": 0.0}, True
-        ),
-    ),
+    (replace(RESTORED, denoised=RECORDED.merged), GOOD),
     # The job that this one continues had been stopped there already
-    (
-        replace(RECORDED, answer=STOP, job=made_job(continued_spp=100)),
-        steps.ShowAndSave(False, False),
-    ),
-    (RECORDED, steps.ShowAndSave(False, False)),
+    (replace(RECORDED, answer=STOP, job=made_job(continued_spp=100)), NOTHING),
+    (RECORDED, NOTHING),
     (replace(RECORDED, shown_spp=0, saved=0), steps.ShowAndSave(True, False)),
-    (replace(RECORDED, shown_spp=0, shown_at_s=-1.9), steps.ShowAndSave(False, False)),
+    (replace(RECORDED, shown_spp=0, shown_at_s=-1.9), NOTHING),
     # Images that take long come less often, but for a limit
-    (
-        replace(RECORDED, shown_spp=0, shown_at_s=-4.9, shown_in_s=0.1),
-        steps.ShowAndSave(False, False),
-    ),
+    (replace(RECORDED, shown_spp=0, shown_at_s=-4.9, shown_in_s=0.1), NOTHING),
     (
         replace(RECORDED, shown_spp=0, shown_at_s=-10.1, shown_in_s=0.3),
         steps.ShowAndSave(True, False),
@@ -232,10 +208,7 @@ CASES: list[tuple[Known, steps.Step]] = [
         replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-2.1),
         steps.ShowAndSave(True, False),
     ),
-    (
-        replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-1.9),
-        steps.Wait(),
-    ),
+    (replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-1.9), steps.Wait()),
     (ended(), steps.ReadConclusion()),
     (ended(merged=4, spp=100, concluded=False), steps.JudgeImage()),
     (ended_denoised(merged=4, spp=100, concluded=False), steps.DenoiseImage()),
@@ -246,7 +219,10 @@ CASES: list[tuple[Known, steps.Step]] = [
         ended_denoised(merged=1, ledger=READ, concluded=False),
         steps.ConcludeJob("merged", 25, ()),
     ),
-    (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.MergeSlice(4)),
+    (ended(merged=4, judged=4, concluded=False, in_hand=1), steps.MergeSlice(4)),
+    # It was cancelled while a point of its curve was due
+    (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.JudgeImage()),
+    (ended(merged=4, judged=4, spp=75, answer=NO_STOP, concluded=False), steps.RecordPoint()),
     (ended(concluded=False), steps.ReadLedger(range(BATCH))),
     (ended(JobState.CONVERGED, spp=100, concluded=False), steps.ReadLedger(range(4))),
     (ended(JobState.FAILED, image_spp=25, concluded=False), steps.ReadLedger(range(1))),
@@ -309,12 +285,10 @@ def test_what_was_seen_of_an_image_does_not_hold_of_the_next() -> None:
 
 
 def test_a_draft_is_no_result() -> None:
-    # Of a job that was cancelled at a point that the curve lacks, or after one that it has
-    for spp, judged in ((75, 0), (100, 4)):
-        drafted = ended_denoised(spp, merged=4, judged=judged, denoised=4, is_draft=True)
-        drafted = replace(drafted, ledger=READ, concluded=False)
-        assert next_step(drafted) == steps.DenoiseImage()
-        assert not drafted.may_be_drafted
+    drafted = ended_denoised(100, merged=4, judged=4, denoised=4, is_draft=True)
+    drafted = replace(drafted, ledger=READ, concluded=False)
+    assert next_step(drafted) == steps.DenoiseImage()
+    assert not drafted.may_be_drafted
 
 
 # Whatever happens.
@@ -433,6 +407,6 @@ def test_trouble_changes_nothing_of_what_a_user_gets(story: Story) -> None:
         undisturbed.curve,
     )
     assert (job.spp, job.image_spp) == (undisturbed.spp, undisturbed.image_spp)
-    # And its sums are there to go on from, where they are kept
+    # And its sums are there to continue from, where they are kept
     if job.keeps_sums and not job.spec.keep_slices and not job.lost_sums:
         assert job.checkpoint.slices * job.spec.slice_spp == job.spp

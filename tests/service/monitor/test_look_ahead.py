@@ -1,6 +1,5 @@
 """Workers are kept busy, but near its end a job is not rendered beyond it."""
 
-from datetime import datetime, timezone
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import SPARE, LookAhead, enough
+from tests.service.monitor.decided_job import made_job
 from tests.support.farms.ledger_farm import about
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -24,35 +24,38 @@ PLAN = Plan.of(JobSpec(max_spp=2000))
 
 
 def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:
-    return Job.model_validate(
-        {
-            "id": "0" * 12,
-            "outcome": "",
-            "state": JobState.RENDERING,
-            "spec": JobSpec.model_validate({"rule": {"name": rule}, "max_spp": 2000}),
-            "name": "box",
-            "reason": "rendering",
-            "scene_sha256": "0" * 64,
-            "variant": None,
-            "width": 32,
-            "height": 24,
-            "created_at": datetime.now(timezone.utc),
-            "spp": 0,
-            "committed_spp": 0,
-            "points": points,
-            "machine_s": 0,
-            **fields,
-        }
-    )
+    return made_job(spec={"rule": {"name": rule}, "max_spp": 2000}, points=points, **fields)
 
 
 def ahead(expected_spp: int | None) -> LookAhead:
     return LookAhead.of(job()).expecting(expected_spp)
 
 
-@pytest.mark.parametrize("expected_spp", [None, 1900, 10_000])
-def test_far_from_its_end_no_worker_waits(expected_spp: int | None) -> None:
-    assert ahead(expected_spp).stop(PLAN, 20, ENOUGH) == 53
+@pytest.mark.parametrize(
+    ("expected_spp", "merged", "enough", "stop"),
+    [
+        # Far from its end no worker waits, and nothing is planned beyond the cap
+        (None, 20, ENOUGH, 53),
+        (1900, 20, ENOUGH, 53),
+        (10_000, 20, ENOUGH, 53),
+        (None, 70, ENOUGH, 80),
+        # Near it they end with the evaluation that may end the job
+        (601, 24, ENOUGH, 28),
+        (700, 24, ENOUGH, 28),
+        (701, 24, ENOUGH, 32),
+        (600, 24, ENOUGH, 28),  # it was expected to end just now: at the next one then
+        (300, 24, ENOUGH, 28),
+        (600, 21, ENOUGH, 24),
+        (600, 23, ENOUGH, 24),
+        # A long job has two to spare after the evaluation at 1,600 spp, for as many workers
+        (1550, 60, ENOUGH, 66),
+        (1550, 60, 3, 63),
+    ],
+)
+def test_slices_are_planned_up_to(
+    expected_spp: int | None, merged: int, enough: int, stop: int
+) -> None:
+    assert ahead(expected_spp).stop(PLAN, merged, enough) == stop
 
 
 @pytest.mark.parametrize(
@@ -62,36 +65,6 @@ def test_the_end_is_behind_what_is_merged_and_not_behind_the_cap(
     expected_spp: int | None, end_spp: int
 ) -> None:
     assert ahead(expected_spp).expected_end_spp(500) == end_spp
-
-
-def test_nothing_is_planned_beyond_the_cap() -> None:
-    assert ahead(None).stop(PLAN, 70, ENOUGH) == 80
-
-
-@pytest.mark.parametrize(
-    ("expected_spp", "stop"),
-    [
-        (601, 28),  # evaluated at 700
-        (700, 28),
-        (701, 32),
-        (600, 28),  # it was expected to end just now: at the next one then
-        (300, 28),
-    ],
-)
-def test_near_it_they_end_with_the_evaluation_that_may_end_the_job(
-    expected_spp: int, stop: int
-) -> None:
-    assert ahead(expected_spp).stop(PLAN, 24, ENOUGH) == stop
-
-
-def test_between_two_evaluations_it_is_the_next_one() -> None:
-    assert ahead(600).stop(PLAN, 21, ENOUGH) == 24
-    assert ahead(600).stop(PLAN, 23, ENOUGH) == 24
-
-
-def test_a_long_job_has_a_few_to_spare() -> None:
-    # 60 slices are merged: two more are planned than the evaluation at 1,600 spp needs
-    assert ahead(1550).stop(PLAN, 60, ENOUGH) == 66
 
 
 def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None:
@@ -109,10 +82,6 @@ def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None
     assert ahead_of(pool="night") == ahead_of(pool="night", requires=("gpu",)) == 3
     assert ahead_of(requires=("gpu",)) == 3  # nobody, and yet the first that comes has work
     assert ahead_of(variant="cuda_ad_rgb") == 3
-
-
-def test_few_workers_are_not_given_more_than_they_need() -> None:
-    assert ahead(1550).stop(PLAN, 60, 3) == 63
 
 
 def test_before_its_first_point_a_job_may_end_at_its_second() -> None:

@@ -1,9 +1,7 @@
 """What the monitor does with a job that is paused: it keeps all of it, and goes on where it was."""
 
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 import redis
 
@@ -12,10 +10,9 @@ from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from plateau.service.monitor import turns
 from tests.support.farms.every_time import save_every_time
-from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
 
@@ -74,59 +71,6 @@ def wait_until_saved(farm: NoiseFarm, job: Job) -> None:
     until(lambda: f"{farm.jobs.get(job.id).committed_spp:07d}" in farm.jobs.results(job.id))
 
 
-def files(farm: NoiseFarm, job: Job) -> dict[str, int]:
-    """The job's files, and when each was written."""
-    names = farm.store.names(f"jobs/{job.id}/")
-    return {name: (Path(farm.store.where) / name).stat().st_mtime_ns for name in names}
-
-
-def test_all_that_a_paused_job_has_is_saved_and_shown(farm: NoiseFarm) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        # Given a job that is paused while a slice in the middle of a step is being rendered
-        held = work_up_to(farm, 4)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        wait_until_saved(farm, job)
-        # Then a checkpoint has it, and the image shows it
-        (checkpoint,) = farm.store.names(blobs.checkpoints(job.id))
-        assert "0000050" in checkpoint
-        films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(5))
-        image = decode_image(farm.picture(job, "image.exr"))
-        np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
-        # And that was that: nothing is written again and again
-        before = files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))
-        farm.finish(farm.submit(**QUICK))
-        assert (files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))) == before
-    assert farm.jobs.get(job.id).state is JobState.PAUSED
-
-
-@pytest.mark.parametrize("harm", ["none", "its checkpoint is lost"])
-def test_a_monitor_that_takes_over_a_paused_job_changes_nothing(
-    farm: NoiseFarm, undisturbed: Job, harm: str
-) -> None:
-    job = farm.submit(**QUICK)
-    with farm.monitor():
-        held = work_up_to(farm, 4)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        wait_until_saved(farm, job)
-    # Given that its monitor goes, and with it what it had in memory
-    saved = farm.store.names(blobs.checkpoints(job.id))
-    if harm != "none":
-        farm.store.delete(*saved)
-    with farm.monitor():
-        until(lambda: farm.jobs._redis.exists(keys.job(job.id, "owner")))
-        farm.finish(farm.submit(**QUICK))
-        # The next one finds it, or has to begin again; there is nothing yet that it could save
-        assert farm.store.names(blobs.checkpoints(job.id)) == ([] if harm != "none" else saved)
-        assert farm.jobs.get(job.id).state is JobState.PAUSED
-        assert farm.lease() is None
-        farm.jobs.resume(job.id)
-        farm.finish(job)
-    assert outcome(farm, job) == outcome(farm, undisturbed)
-
-
 def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Job) -> None:
     job = farm.submit(**QUICK)
     for index in range(1, undisturbed.spp // 10 - 1, 3):
@@ -168,38 +112,3 @@ def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
         "paused:",
         "converged:",
     ]
-
-
-def test_a_paused_job_whose_last_samples_were_in_hand_reaches_its_cap(farm: NoiseFarm) -> None:
-    farm.sigma = 30
-    job = farm.submit(step=20, slice_spp=10, max_spp=50)
-    with farm.monitor():
-        held = work_up_to(farm, 4)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        until(lambda: farm.is_finished(job))
-    done = farm.jobs.get(job.id)
-    assert (done.state, done.spp) == (JobState.EXHAUSTED, 50)
-    assert "cap of 50 spp" in done.reason
-    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
-
-
-@pytest.mark.long
-def test_the_time_limit_stands_still_meanwhile(farm: NoiseFarm) -> None:
-    farm.sigma = 30
-    job = farm.submit(step=20, slice_spp=10, max_spp=50, time_limit_s=3)
-    with farm.monitor():
-        held = work_up_to(farm, 1)
-        farm.jobs.pause(job.id)
-        farm.commit(held)
-        time.sleep(4)
-        assert farm.jobs.get(job.id).state is JobState.PAUSED
-        farm.jobs.resume(job.id)
-        until(lambda: farm.is_finished(job))
-    done = farm.jobs.get(job.id)
-    assert done.state is JobState.EXHAUSTED
-    assert "time limit of 3 s at 20 spp" in done.reason
-    assert done.started_at is not None
-    assert done.ended_at is not None
-    assert done.paused_s >= 3.9
-    assert (done.ended_at - done.started_at).total_seconds() - done.paused_s >= 3

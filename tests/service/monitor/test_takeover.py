@@ -1,22 +1,18 @@
 """A failed job that another monitor finishes has the image that it had."""
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.faults.invariants import check_job
-from tests.support.faults.redis_proxy import RedisProxy
 from tests.support.until import until
 
 SLICE, STEP, SHOWN = 10, 20, 100
@@ -70,72 +66,3 @@ def test_of_all_that_the_monitor_before_had_merged(
     sums = Ownerships(client, 5.0).checkpoint(done.id)
     assert sums is not None
     assert sums.slices == SHOWN // SLICE
-
-
-def test_of_what_there_is_where_a_partial_is_lost_since(farm: NoiseFarm, failed: Job) -> None:
-    lost = IN_CHECKPOINT + 2
-    farm.store.delete(farm.jobs.ledger(failed.id)[lost]["blob"])
-    done = finish(farm, failed)
-    assert (done.spp, done.image_spp) == (lost * SLICE, lost * SLICE)
-    assert f"the image has {lost * SLICE} spp: a slice was lost" in done.notes[-1]
-
-
-def test_of_its_first_slice_where_it_failed_before_its_first_point(farm: NoiseFarm) -> None:
-    job = farm.submit(step=STEP, slice_spp=SLICE)
-    with farm.monitor():
-        farm.render(1)
-        until(lambda: farm.jobs.get(job.id).image_spp == SLICE)
-        lease = farm.next_lease()
-    farm.queue.fail(lease, "no texture of that name", 1.0, "")
-    done = finish(farm, job)
-    assert (done.spp, done.image_spp, done.points) == (SLICE, SLICE, 0)
-    assert len(farm.store.names(blobs.checkpoints(done.id))) == 1
-
-
-SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
-
-
-def owned(client: redis.Redis, jobs: list[Job]) -> int:
-    return sum(client.exists(keys.job(job.id, "owner")) for job in jobs)
-
-
-def test_each_job_has_one_monitor_and_the_next_as_soon_as_that_one_leaves(
-    farm: NoiseFarm, client: redis.Redis
-) -> None:
-    # What is not given back comes back after this test
-    farm.settings = farm.settings.model_copy(update={"lease_s": 600.0})
-    jobs = [farm.submit(**SHORT) for _ in range(3)]
-    with farm.monitor():
-        until(lambda: owned(client, jobs) == 3)
-        # Given another monitor, which finds all jobs owned
-        with farm.monitor():
-            jobs += [farm.submit(**SHORT) for _ in range(3)]
-            until(lambda: owned(client, jobs) == 6)
-        # When it leaves, its jobs are not left alone until a lease runs out
-        until(lambda: owned(client, jobs) == 6)
-        farm.render(6 * 4)
-        until(lambda: all(farm.jobs.get(job.id).finished_at for job in jobs))
-    # Each was owned by one at a time: its tokens were given out one after the other
-    assert {int(str(client.hget(keys.job(job.id, "sealed"), "fence"))) for job in jobs} <= {1, 2}
-
-
-LEASE_S = 2.0
-DELAY_S = 0.3  #: each way
-
-
-@pytest.mark.long
-def test_a_monitor_far_from_redis_renews_in_time(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    with RedisProxy(Path(redis_url.removeprefix("unix://"))) as proxy:
-        proxy.delay_s = DELAY_S
-        farm = NoiseFarm(client, proxy.url, tmp_path)
-        farm.settings = farm.settings.model_copy(update={"lease_s": LEASE_S})
-        job = farm.submit()
-        with farm.monitor():
-            owner = keys.job(job.id, "owner")
-            until(lambda: client.exists(owner))
-            until_s = time.monotonic() + 3 * LEASE_S
-            while time.monotonic() < until_s:
-                assert client.exists(owner), "its ownership has run out"
-                time.sleep(0.02)

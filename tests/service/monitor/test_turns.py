@@ -48,11 +48,6 @@ class Looking:
         self.clock.now_s += self.turns.wait_s
 
 
-def test_a_job_with_a_hint_has_its_turn_first() -> None:
-    looking = Looking(3, turn_s=0.001)
-    assert looking.look("2", "of another monitor")[0] == "2"
-
-
 def test_what_was_just_taken_need_not_wait_for_a_round() -> None:
     looking = Looking(2, turn_s=0.001)
     looking.look()
@@ -61,15 +56,6 @@ def test_what_was_just_taken_need_not_wait_for_a_round() -> None:
     assert looking.turns.wait_s == 0
     assert looking.look() == ["new"]
     assert looking.turns.wait_s == IDLE_S
-
-
-def test_jobs_without_a_hint_have_theirs_once_a_second() -> None:
-    looking = Looking(3, turn_s=0.001)
-    looking.look()
-    assert looking.look() == []
-    looking.wait()
-    looking.wait()
-    assert looking.look("1") == ["1", "0", "2"]
 
 
 def test_a_long_round_is_interrupted_and_continued() -> None:
@@ -106,12 +92,6 @@ def test_a_job_that_lacks_something_is_left_alone_for_longer_each_time() -> None
     looking.turns.put_off("0")
     looking.turns.note_success("0")
     assert looking.look("0") == ["0"]
-
-
-def test_a_job_that_was_given_up_has_no_turn() -> None:
-    looking = Looking(3, turn_s=0.001)
-    del looking.owned["1"]
-    assert "1" not in looking.look("1")
 
 
 @settings(deadline=None)

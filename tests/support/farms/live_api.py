@@ -3,7 +3,9 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
+import httpx
 import uvicorn
 
 from plateau.farm.blobs.store import Blobs
@@ -11,7 +13,7 @@ from plateau.farm.bundle import BundleLimits
 from plateau.farm.redis.link import connect
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
+from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.server import server_config
 from plateau.service.api.process import listen, url_of
 from plateau.service.api.scene_checks.placing import Placing
@@ -64,3 +66,14 @@ def live_api(
         thread.join(60)
         listener.close()
         assert not thread.is_alive(), "the API did not stop"
+
+
+@contextmanager
+def live_http(redis_url: str, store: Blobs, **options: Any) -> Iterator[httpx.Client]:
+    """A client of an API of its own; `options` are those of `live_api`."""
+    # To load the certificates that nobody shows here takes longer than most tests.
+    with (
+        live_api(redis_url, store, **options) as url,
+        httpx.Client(base_url=url, trust_env=False, verify=False, timeout=60) as http,
+    ):
+        yield http

@@ -34,6 +34,7 @@ class StagedJob:
         owned = self._owners.acquire(self.id)
         assert owned is not None
         self._owned = owned
+        self._digests: dict[str, str] = {}  # of its pictures
         self._queue = SliceQueue(client, WORKER, lease_s=60)
         self._planned = 0
         self._put_back = 0  # slices that were planned, and wait since somebody died on them
@@ -113,15 +114,23 @@ class StagedJob:
 
     def finish(self, spp: int = 100) -> None:
         """Say that its results are written."""
-        self._owners.conclude(self._owned, spp=spp, results=self._pictures, notes=())
+        self._owners.conclude(self._owned, spp=spp, results=self.pictures, notes=())
         self._owners.finish(self._owned, keeps_sums=False)
 
     def picture(self, store: Blobs, name: str, content: bytes, was: bytes | None = None) -> None:
-        """Put a picture where the API finds it, and note the SHA-256 of what it was, if given."""
-        store.put(f"{self._pictures}/{name}", content)
-        noted = None if was is None else {name: hashlib.sha256(was).hexdigest()}
-        self._owners.show_results(self._owned, self._pictures, 100, noted)
+        """Put a picture where the API finds it, and note the SHA-256 of what it was."""
+        store.put(f"{self.pictures}/{name}", content)
+        self._digests[name] = hashlib.sha256(content if was is None else was).hexdigest()
+        self._owners.show_results(self._owned, self.pictures, 100, self._digests)
+
+    def preview(self, store: Blobs, spp: int, content: bytes) -> str:
+        """Put the picture of a point; returns its blob."""
+        blob = blobs.preview(self.id, spp)
+        store.put(blob, content)
+        self._owners.note_blob(self._owned, blob, hashlib.sha256(content).hexdigest())
+        return blob
 
     @property
-    def _pictures(self) -> str:
+    def pictures(self) -> str:
+        """Where its pictures are."""
         return blobs.result_set(self.id, 100, "staged")

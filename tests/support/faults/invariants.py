@@ -23,7 +23,7 @@ from tests.support.farms.real_farm import Farm
 from tests.support.until import until
 
 #: The files of any job that has an image.
-RESULTS = ("image.exr", "image.png", "thumbnail.png", "facts.json")
+RESULTS = ("image.exr", "image.png", "thumbnail.png")
 
 #: What Redis keeps of a job that is finished.
 KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "sealed", "shot"}

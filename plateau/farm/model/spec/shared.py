@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from plateau.farm.model import renderers
-from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
+from plateau.farm.model.aovs import AOV_NAMES, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import texts
@@ -230,11 +230,6 @@ class SharedSpec(Strict):
         """Whether albedo and normal guide the denoiser."""
         return isinstance(self.denoise, OidnDenoising) and self.denoise.guides
 
-    @property
-    def film_aovs(self) -> tuple[AovName, ...]:
-        """The AOVs of its image: those that it asks for, and the denoiser's guides."""
-        return self.slice_aovs(0)
-
     def slice_aovs(self, index: int) -> tuple[AovName, ...]:
         """Return the AOVs of a slice's film: the guides are in the first slices alone."""
         has_guides = self.is_guided and index * self.slice_spp < GUIDED_SPP
@@ -261,11 +256,6 @@ class SharedSpec(Strict):
                     f"the rule {rule.name} judges images of {least}×{least} pixels or more, and "
                     f"this one has {width}×{height}: make the film larger, or name another rule"
                 )
-
-    @property
-    def film_values(self) -> int:
-        """Values of a pixel of its films; a scene's own alpha and AOVs come on top."""
-        return 4 + sum(len(AOVS[name].channels) for name in self.film_aovs)
 
     def as_request(self) -> str:
         """The spec as JSON, the notice's secret included: never to be stored, nor shown.

@@ -75,6 +75,7 @@ class _Text:
     read: Callable[[Any], Any]
     form: str  #: of the text, for people
     is_several: bool = False  #: whether a list of texts is one too
+    title: str | None = None  #: of the value that is no text; generated clients name a class so
 
     def __get_pydantic_core_schema__(self, kind: Any, handler: Any) -> Any:
         return no_info_before_validator_function(self.read, handler(kind))
@@ -83,6 +84,8 @@ class _Text:
         found = handler(schema)
         if handler.mode == "serialization":
             return found
+        if self.title is not None:
+            found["title"] = self.title
         text = {"type": "string", "description": f"as text: {self.form}"}
         several = [{**text, "type": "array", "items": {"type": "string"}}] * self.is_several
         return {"anyOf": [*found.pop("anyOf", [found]), text, *several]}
@@ -91,7 +94,7 @@ class _Text:
 NAMED = _Text(_named, "NAME or NAME:PARAMETER=VALUE,…")
 SHOT = _Text(_shot, "FPS or FPS:target=JOD")
 COLOUR = _Text(_colour, "R,G,B")
-PARAMETERS = _Text(parameters, "NAME=VALUE", is_several=True)
+PARAMETERS = _Text(parameters, "NAME=VALUE", is_several=True, title="Parameters")
 LIST = _Text(_list, "one entry of the list")
 LISTED = BeforeValidator(_tuple)
 

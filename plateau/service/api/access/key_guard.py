@@ -18,7 +18,7 @@ import anyio
 from anyio import CapacityLimiter
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, Role, opens
+from plateau.farm.ledger.api_keys import ApiKeys, Role
 from plateau.farm.model.errors import Incompatible, StoreUnavailable
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.access.guards import discard_body, header, refuse_foreign
@@ -28,8 +28,6 @@ from plateau.service.api.problems.problem import Problem
 
 #: Threads that look up keys; a look-up takes less than a millisecond.
 _THREADS: Final = 16
-#: How long a scrape waits for Redis, of the 10 s after which Prometheus gives it up.
-_METRICS_PATIENCE_S: Final = 2.0
 
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _METRICS: Final = "/metrics"
@@ -55,9 +53,6 @@ class KeyGuard(Layer):
         self._keys = keys
         self._access = access
         self._threads: CapacityLimiter | None = None
-        # What Redis said last, for the metrics while it is away.
-        self._wanted = access is Access.KEYS
-        self._seen: dict[str, ApiKey] = {}
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on with its `Caller`, or refuse it."""
@@ -80,28 +75,21 @@ class KeyGuard(Layer):
             return ANYBODY
         if self._threads is None:  # made here, since it belongs to the running loop
             self._threads = CapacityLimiter(_THREADS)
-        metrics = scope["path"] == _METRICS
         try:
-            with anyio.fail_after(_METRICS_PATIENCE_S if metrics else None):
-                return await anyio.to_thread.run_sync(
-                    self._looked_up, scope, limiter=self._threads, abandon_on_cancel=metrics
-                )
-        except (Incompatible, StoreUnavailable, TimeoutError) as error:
-            if metrics and self._is_remembered(scope):
-                return ANYBODY
-            kind = problems.STORE_UNAVAILABLE if str(error) else problems.REDIS_SILENT
+            return await anyio.to_thread.run_sync(self._looked_up, scope, limiter=self._threads)
+        except (Incompatible, StoreUnavailable) as error:
+            kind = problems.STORE_UNAVAILABLE
             raise problems.unavailable(scope["method"], scope["path"], kind, error) from error
 
     def _looked_up(self, scope: Scope) -> Caller:
         shown = _shown_key(scope)
         key = None if shown is None else self._keys.find(shown)
         if shown is None or key is None:
-            if self._are_keys_wanted():
+            # Redis is asked first: while it is away, the answer is 503 and not 401.
+            if self._keys.any_made() or self._access is Access.KEYS:
                 raise Problem(problems.BAD_KEY if shown else problems.NO_KEY)
             refuse_foreign(scope)
             return ANYBODY
-        self._wanted = True
-        self._seen[key.id] = key
         self._keys.note_use(key)
         needed = Role.VIEWER if scope["method"] in _READING else Role.SUBMITTER
         if not key.role.includes(needed):
@@ -119,11 +107,6 @@ class KeyGuard(Layer):
         except StoreUnavailable:
             return True
 
-    def _are_keys_wanted(self) -> bool:
-        # Redis is asked first: while it is away, the answer is 503 and not 401.
-        self._wanted = self._keys.any_made() or self._access is Access.KEYS
-        return self._wanted
-
     def _check_job(self, scope: Scope, caller: Caller) -> None:
         """Raise the problem if the request would change another's job."""
         job = _JOB.match(scope["path"])
@@ -132,14 +115,6 @@ class KeyGuard(Layer):
         owner = self._keys.owner_of(job[1])
         if owner is not None:  # the job exists
             caller.check_may_steer(job[1], owner)
-
-    def _is_remembered(self, scope: Scope) -> bool:
-        """Whether the request would have passed when Redis last answered."""
-        if not self._wanted:
-            refuse_foreign(scope)
-            return True
-        shown = _shown_key(scope) or ""
-        return any(opens(key, shown) for key in tuple(self._seen.values()))
 
 
 def needs_key(path: str) -> bool:

@@ -16,8 +16,7 @@ REVALIDATE: Final = "no-cache"
 #: from showing for ever what the farm has forgotten. No shared cache may keep it.
 FINAL: Final = "private, max-age=86400"
 
-_TAG: Final = re.compile(r'(?:W/)?("[\x21\x23-\x7e\x80-\xff]*")')
-_LIST: Final = re.compile(rf"[ \t,]*(?:{_TAG.pattern}[ \t]*(?:,[ \t,]*|$))+")
+_TAG: Final = re.compile(r'"[\x21\x23-\x7e\x80-\xff]*"')
 
 NOT_MODIFIED: Final[dict[int | str, dict[str, Any]]] = {
     304: {
@@ -36,25 +35,12 @@ def strong(*parts: str | int) -> str:
 class Known:
     """The representations that a request's ``If-None-Match`` names."""
 
-    tags: frozenset[str]  #: opaque tags with their quotes, without W/
-    anything: bool  #: whether the header is ``*``, which matches any existing representation
+    lines: tuple[str, ...] = ()  #: of the header: lists of tags, or ``*``, which matches them all
 
     def has(self, tag: str) -> bool:
-        """Whether the header lists this tag; ``*`` lists none."""
-        return tag in self.tags
-
-
-def read_if_none_match(lines: list[str]) -> Known:
-    """Parse the header's lines: a list of tags, or ``*``; anything else names nothing.
-
-    Tags are compared weakly (RFC 9110, sections 8.8.3 and 13.1.2).
-    """
-    text = ",".join(lines)
-    if text.strip(" \t") == "*":
-        return Known(frozenset(), anything=True)
-    if not _LIST.fullmatch(text):
-        return Known(frozenset(), anything=False)
-    return Known(frozenset(_TAG.findall(text)), anything=False)
+        """Whether the header names this tag; W/ does not count (RFC 9110, section 13.1.2)."""
+        text = ",".join(self.lines)
+        return text.strip() == "*" or tag in _TAG.findall(text)
 
 
 async def _known(
@@ -64,7 +50,7 @@ async def _known(
         Header(description="`ETag`s of earlier answers, or `*`; a match is answered 304"),
     ] = None,
 ) -> Known:
-    return read_if_none_match(if_none_match or [])
+    return Known(tuple(if_none_match or ()))
 
 
 #: What the client already has, as a route with an ``ETag`` takes it.

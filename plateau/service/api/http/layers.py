@@ -13,9 +13,6 @@ from plateau.farm.model import versions
 from plateau.farm.process.log import concern
 from plateau.service.api.problems.catalogue import API_STOPS, unavailable
 
-#: The key in a request's scope which says that only the headers of the answer are wanted.
-HEADERS_ONLY: Final = "plateau.headers_only"
-
 _VERSION: Final = b"plateau-version"
 _JOB: Final = re.compile(r"/v1/jobs/([0-9a-f]{12})(?:/slices/(\d{1,9})\b)?")
 _BATCHES: Final = "/v1/batches/"
@@ -107,7 +104,7 @@ class HeadAsGet(Layer):
             await send(message)
 
         # A copy: the server reads the method from its own scope.
-        asked = {**scope, "method": "GET", HEADERS_ONLY: True}
+        asked = {**scope, "method": "GET"}
         with suppress(_Answered):
             await self.app(asked, receive, headers_alone)
         scope["route"] = asked.get("route")

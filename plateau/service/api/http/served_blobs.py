@@ -4,12 +4,11 @@ import base64
 from itertools import chain
 from typing import Any, Final
 
-from fastapi import Request, Response
+from fastapi import Response
 from fastapi.responses import StreamingResponse
 
 from plateau.farm.model.job import Job
 from plateau.service.api.http.etags import NOT_MODIFIED, Known, cache_control, not_modified
-from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.parts import Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
@@ -56,26 +55,16 @@ def blob_response(
     headers: dict[str, str],
     farm: Parts,
     has: Known,
-    request: Request,
 ) -> Response:
-    """Serve the blob, or a 304; raises as `StoredFiles.require`.
-
-    Its bytes must have this SHA-256; None skips the check, for blobs older than the digests.
-    """
+    """Serve the blob of this SHA-256, or a 304; raises as `StoredFiles.require`."""
     if has.has(headers["ETag"]):
         return not_modified(headers)
-    if sha256 is not None:
-        farm.files.require(blob, sha256)
-        digest = base64.b64encode(bytes.fromhex(sha256)).decode()
-        headers = {**headers, REPR_DIGEST: f"sha-256=:{digest}:"}
+    farm.files.require(blob, sha256)
     size = farm.blobs.size(blob)
-    if size is None:
+    if size is None or sha256 is None:  # it has just gone
         raise FileNotFoundError(blob)
-    if has.anything:
-        return not_modified(headers)
-    headers = {**headers, "Content-Length": str(size)}
-    if HEADERS_ONLY in request.scope:
-        return Response(media_type=media_type, headers=headers)
+    digest = base64.b64encode(bytes.fromhex(sha256)).decode()
+    headers = {**headers, "Content-Length": str(size), REPR_DIGEST: f"sha-256=:{digest}:"}
     chunks = farm.blobs.chunks(blob)
     content = chain([next(chunks, b"")], chunks)  # the first is read before the headers are sent
     return StreamingResponse(content, media_type=media_type, headers=headers)

@@ -3,9 +3,9 @@
 uvicorn closes a connection that is silent after an answer, but waits for ever for a first request
 and for the rest of a slow one. And asyncio, which cannot accept connections while the process has
 no descriptor left, logs that thousands of times (python/cpython#151615). So here a request's head
-has ten seconds, its body has a least rate, and the number of connections is limited below that of
-descriptors. A stream of events may take any time; the kernel ends one that nobody reads (`listen`
-in `plateau.service.api.process`).
+has ten seconds, each piece of its body a minute, and the number of connections is limited below
+that of descriptors. A stream of events may take any time; the kernel ends one that nobody reads
+(`listen` in `plateau.service.api.process`).
 """
 
 import asyncio
@@ -29,13 +29,10 @@ ON_EVERY_ANSWER: Final = [
     ("Cross-Origin-Resource-Policy", "same-origin"),
 ]
 
-#: The longest time of a request's head, or of a TLS handshake, in seconds.
+#: The longest time of a request's head, in seconds.
 HEAD_S: Final = 10.0
 #: The longest silence within a request's body, in seconds.
 BODY_S: Final = 60.0
-#: The least rate of a body, in bytes per second: a byte gives the next ones this time, up to
-#: `BODY_S`. So a byte a minute does not hold a connection.
-BODY_RATE: Final = 1000.0
 #: The most connections that one process can serve well.
 _MOST_CONNECTIONS: Final = 10_000
 #: Descriptors for other uses: Redis, the blob store, logs, connections about to be refused.
@@ -92,7 +89,7 @@ class Connection(H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Parse the data, then set, move or clear the deadline."""
         super().data_received(data)
-        self._watch(len(data))
+        self._watch()
 
     def on_response_complete(self) -> None:
         """Set the deadline for the next request."""
@@ -125,11 +122,11 @@ class Connection(H11Protocol):
                 self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
 
-    def _watch(self, received: int = 0) -> None:
-        """Set the deadline of a head or a body; move that of a body by the bytes received."""
+    def _watch(self) -> None:
+        """Set the deadline of a head or a body; move that of a body, of which more has come."""
         now, awaited = self.loop.time(), self.conn.their_state
         if awaited is self._awaited and awaited is h11.SEND_BODY:
-            self._deadline = min(now + BODY_S, self._deadline + received / BODY_RATE)
+            self._deadline = now + BODY_S
         elif awaited is not self._awaited:
             self._awaited = awaited
             self._stop_timer()
@@ -152,16 +149,6 @@ class Connection(H11Protocol):
             self._timer = None
 
 
-class Loop(asyncio.SelectorEventLoop):
-    """The API's event loop, with a deadline for TLS handshakes too."""
-
-    async def create_server(self, *arguments: Any, **options: Any) -> Any:
-        """Do as asyncio does, with `HEAD_S` for a handshake instead of a minute."""
-        if options.get("ssl") is not None:
-            options.setdefault("ssl_handshake_timeout", HEAD_S)
-        return await super().create_server(*arguments, **options)
-
-
 def server_config(app: ASGIApp, *, grace_s: int, **options: Any) -> uvicorn.Config:
     """The server's configuration; `options` are uvicorn's own.
 
@@ -170,7 +157,7 @@ def server_config(app: ASGIApp, *, grace_s: int, **options: Any) -> uvicorn.Conf
     return uvicorn.Config(
         app,
         http=Connection,
-        loop=f"{Loop.__module__}:{Loop.__name__}",
+        loop="asyncio",
         ws="none",  # the API has no WebSockets, and their parsers answer requests by themselves
         headers=ON_EVERY_ANSWER,
         log_config=None,  # the process configures the log

@@ -72,6 +72,6 @@ def serve(
         raise Problem(problems.NO_PAGE_FILE, name=name)
     header = "; ".join(" ".join(directive) for directive in policy.items())
     headers = {**_HEADERS, "Content-Security-Policy": header, "ETag": found.tag}
-    if has.anything or has.has(found.tag):
+    if has.has(found.tag):
         return not_modified(headers)
     return Response(found.content, headers={**headers, "Content-Type": found.media_type})

@@ -1,13 +1,9 @@
 """``GET /metrics``: the whole farm in Prometheus's format, from any API process."""
 
 import platform
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as TooLate
-from functools import partial
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import (
@@ -19,60 +15,43 @@ from prometheus_client.core import (
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.totals import Census, take_census
-from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.metrics.requests import Requests
 
 CONTENT_TYPE: Final = CONTENT_TYPE_PLAIN_0_0_4
 
-#: A store that does not answer within this time counts as away; a scrape has 10 s by default.
-_PATIENCE_S: Final = 2.0
-
-_Answer = TypeVar("_Answer")
-
 
 class Metrics:
     """All metrics of one API process, in their own registry."""
 
-    def __init__(self, client: RedisClient, blobs: Blobs) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._registry = CollectorRegistry(auto_describe=False)
-        self._registry.register(_Farm(client, blobs))
+        self._registry.register(_Farm(client))
         self.requests = Requests(self._registry)
 
     def exposition(self) -> bytes:
-        """The metrics as text of type `CONTENT_TYPE`."""
+        """The metrics as text of type `CONTENT_TYPE`; raises `StoreUnavailable`."""
         return generate_latest(self._registry)
 
 
 class _Farm(Collector):
     """Counts the farm at each scrape."""
 
-    def __init__(self, client: RedisClient, blobs: Blobs) -> None:
-        self._census = _Question(partial(take_census, client))
-        self._blobs = _Question(lambda: blobs.exists("scenes/none") or True)
+    def __init__(self, client: RedisClient) -> None:
+        self._redis = client
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the farm's metrics; while Redis is away, only that it is."""
-        blobs_answer, census_answer = self._blobs.asked(), self._census.asked()
-        census = _in_time(census_answer)
-        up = {"redis": census is not None, "blobs": _in_time(blobs_answer) is not None}
-        yield _gauge(
-            "plateau_up",
-            "1 where this API process reaches Redis, or the blob store; 0 where it is away.",
-            {part: float(there) for part, there in up.items()},
-            "part",
-        )
+        """Yield the farm's metrics."""
+        census = take_census(self._redis)
         yield InfoMetricFamily(
             "plateau_build",
             "1; its labels say what this API process runs.",
             {"version": version("plateau"), "python": platform.python_version()},
         )
-        if census is not None:
-            yield from _open_work(census)
-            yield from _processes(census)
-            yield from _totals(census)
+        yield from _open_work(census)
+        yield from _processes(census)
+        yield from _totals(census)
 
 
 def _open_work(census: Census) -> Iterator[Metric]:
@@ -226,36 +205,3 @@ def _filled(
     for name, number in value.items():
         family.add_metric((name,), number)
     return family
-
-
-class _Question(Generic[_Answer]):
-    """Asks a store that may be away, in its own thread, one call at a time."""
-
-    def __init__(self, ask: Callable[[], _Answer]) -> None:
-        self._ask = ask
-        self._lock = threading.Lock()
-        self._asked: Future[_Answer] | None = None
-
-    def asked(self) -> "Future[_Answer]":
-        """The coming answer: that of a new call, or of the one under way."""
-        with self._lock:
-            if self._asked is None or self._asked.done():
-                self._asked = Future()
-                threading.Thread(
-                    target=self._answer, args=(self._asked,), name="scrape", daemon=True
-                ).start()
-            return self._asked
-
-    def _answer(self, asked: "Future[_Answer]") -> None:
-        try:
-            asked.set_result(self._ask())
-        except BaseException as error:  # noqa: BLE001  (raised again where the answer is awaited)
-            asked.set_exception(error)
-
-
-def _in_time(answer: "Future[_Answer]") -> _Answer | None:
-    """The answer; None if it does not come, or the store is away."""
-    try:
-        return answer.result(_PATIENCE_S)
-    except (StoreUnavailable, TooLate):
-        return None

@@ -30,14 +30,13 @@ _EXAMPLE: Final[dict[str, object]] = {
     "job": examples.JOB_ID, "job_id": examples.JOB_ID, "clause": "is converged",
     "state": "converged", "host": "farm.example", "origin": "https://example.org",
     "path": "/problems/none", "key": "nightly", "needed": "submitter", "role": "viewer",
-    "batch": "exposures", "spp": 130, "step": 100, "most": 400, "index": 15,
+    "batch": "exposures", "spp": 130, "index": 15,
     "seconds": 1, "types": "application/json or text/csv", "accept": "image/png",
     "stored_bytes": 53_000_000_000, "limit_bytes": 53_687_091_200, "size": 900_000_000,
     "media_type": "application/json", "sha256": examples.SCENE_SHA256,
     "name": f"jobs/{examples.JOB_ID}/results/0000400-7-final/image.exr",
 }
 _CLOSE: Final = {"Connection": "close"}
-_PREVIEWS: Final = "GET /v1/jobs/{job}/previews lists the pictures there are"
 _EVENTS: Final = "GET /v1/jobs/{job}/events announces it"
 
 # Requests that cannot be read.
@@ -53,22 +52,10 @@ TWO_LENGTHS: Final = MALFORMED_REQUEST.case(
     "the request does not say where its body ends",
     "send Content-Length, or with HTTP/1.1 Transfer-Encoding: chunked, and never both",
     headers=_CLOSE)
-NO_BOUNDARY: Final = MALFORMED_REQUEST.case(
-    "the header Content-Type has no boundary",
-    "leave that header to your HTTP client, as curl -F does")
 BROKEN_FORM: Final = MALFORMED_REQUEST.case(
-    "the parts of the form cannot be told apart",
-    "have your HTTP client make the multipart/form-data, as curl -F does")
-NAMELESS_PART: Final = MALFORMED_REQUEST.case(
-    "a part of the form has no name", "name each part, as curl -F NAME=VALUE does")
-TOO_MANY_FILES: Final = MALFORMED_REQUEST.case(
-    "the form has more than {files} files", "send one scene and one spec")
-TOO_MANY_PARTS: Final = MALFORMED_REQUEST.case(
-    "the form has more than {parts} parts",
-    "send a scene, or the scene_sha256 of a stored one, and a spec")
-LARGE_PART: Final = MALFORMED_REQUEST.case(
-    "a part that is not a file has more than {mib} MiB",
-    "send the scene as a file, as curl -F scene=@FILE does")
+    "the form cannot be read: {error}",
+    "send a scene as a file, or the scene_sha256 of a stored one, and a spec, as curl -F "
+    "scene=@FILE -F 'spec={{}}' does")
 
 # Who may ask.
 
@@ -169,10 +156,9 @@ SHOT_NOT_JUDGED: Final = NO_IMAGE_YET.case(
     "the shot of {batch!r} was not judged yet: that takes all of its frames", "")
 NO_FRAME_YET: Final = NO_IMAGE_YET.case("no frame of the shot of {batch!r} has an image yet", "")
 UNKNOWN_POINT: Final = ProblemType(
-    "unknown-point", 404, "Unknown point of the curve",
-    "job {job} has no point at {spp} spp: they are {step} spp apart, up to {most}", _PREVIEWS)
-UNKNOWN_UNEVEN_POINT: Final = UNKNOWN_POINT.case(
-    "job {job} has no point at {spp} spp: its curve has them, up to {most}")
+    "unknown-point", 404, "No picture of this point",
+    "job {job} keeps no picture of {spp} spp",
+    "GET /v1/jobs/{job}/previews lists the pictures there are")
 UNKNOWN_SLICE: Final = ProblemType(
     "unknown-slice", 404, "Slice not stored",
     "slice {index} of job {job} is not stored", "slices stay where the job's spec says keep_slices")
@@ -205,17 +191,6 @@ CANNOT_PAUSE: Final = ProblemType(
 CANNOT_RESUME: Final = ProblemType(
     "cannot-resume", 409, "Job not paused",
     "job {job} {clause}", "only a paused job can be resumed", members=("state", "story"))
-CANNOT_MERGE: Final = ProblemType(
-    "cannot-merge", 409, "Image cannot be reproduced",
-    "job {job} keeps no picture of {spp} spp, and did not keep its slices",
-    _PREVIEWS,
-    members=("state",))
-TOO_LARGE_TO_MERGE: Final = CANNOT_MERGE.case(
-    "job {job} keeps no picture of {spp} spp, and has films of more than {most:,} pixels of 4 "
-    "channels, too large to merge again")
-SLICE_MISSING: Final = CANNOT_MERGE.case(
-    "job {job} keeps no picture of {spp} spp, and has no slice {index}")
-SLICE_LOST: Final = CANNOT_MERGE.case("job {job} keeps no picture of {spp} spp, and {error}")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools and tags",
     "{error}",
@@ -363,15 +338,11 @@ UNREADABLE_JOB: Final = ProblemType(
     })
 SPOILED_FILE: Final = ProblemType(
     "spoiled-file", 500, "Stored file damaged",
-    "what was stored as {name} is damaged or lost, and what is kept of its job does not suffice to "
-    "make it again",
+    "what was stored as {name} is damaged or lost",
     "restore that blob from a backup, or render the scene again")
 BUSY: Final = ProblemType(
     "busy", 503, "Service busy",
     "many scenes are being checked already", "try again in 2 s", headers={"Retry-After": "2"})
-BUSY_MERGING: Final = BUSY.case(
-    "{most} requests wait for images of points already", "try again in 5 s",
-    headers={"Retry-After": "5"})
 TOO_MANY_CONNECTIONS: Final = BUSY.case(
     "this API has as many connections as it may have", headers={**BUSY.headers, **_CLOSE})
 STORE_UNAVAILABLE: Final = ProblemType(
@@ -380,7 +351,6 @@ STORE_UNAVAILABLE: Final = ProblemType(
     "try again shortly",
     headers={"Retry-After": "2"},
     example={"error": "Redis cannot be reached"})
-REDIS_SILENT: Final = STORE_UNAVAILABLE.case("Redis does not answer")
 API_STOPS: Final = STORE_UNAVAILABLE.case("the API stops")
 UPLOAD_NOT_KEPT: Final = STORE_UNAVAILABLE.case(
     "the upload could not be kept: {error}", "", headers={})
@@ -401,10 +371,8 @@ def of_extension(*kinds: ProblemType) -> None:
 
 def of_status(status: int) -> ProblemType:
     """The type for a bare status of the framework's."""
-    known = {404: UNKNOWN_PATH, 405: METHOD_NOT_ALLOWED}
+    known = {400: MALFORMED_REQUEST, 404: UNKNOWN_PATH, 405: METHOD_NOT_ALLOWED}
     words = "the request to {path} cannot be answered as it is", "/docs says what to send"
-    if status == MALFORMED_REQUEST.status:
-        return MALFORMED_REQUEST.case(*words)
     return known.get(status) or ProblemType("http-error", status, "The request failed", *words)
 
 

@@ -25,12 +25,11 @@ from plateau.farm.model.errors import (
     WorkerNotFound,
 )
 from plateau.farm.model.states import JobState
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import unavailable
-from plateau.service.api.problems.framework_errors import in_our_words
 from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.problems.spec_checks import invalid_request
+from plateau.service.api.stored_files import SpoiledBlob
 
 #: The problem of a refused transition, by the state aimed at.
 _REFUSALS: Final = {
@@ -131,12 +130,15 @@ def _from_http(request: Request, error: HTTPException) -> Problem:
         return error
     path, headers = request.url.path, error.headers
     kind = problems.of_status(error.status_code)
+    if kind is problems.MALFORMED_REQUEST and "multipart" in request.headers.get(
+        "content-type", ""
+    ):
+        kind = problems.BROKEN_FORM
     if kind is problems.UNKNOWN_PATH and path.endswith("/"):
         kind = problems.SLASH_AT_END
     if kind is problems.METHOD_NOT_ALLOWED:
         headers = {**(headers or {}), **_allow(request)}
-    said = in_our_words(str(error.detail)) if kind.slug == problems.MALFORMED_REQUEST.slug else None
-    return said or Problem(kind, headers, path=path, method=request.method)
+    return Problem(kind, headers, path=path, method=request.method, error=error.detail)
 
 
 def _allow(request: Request) -> dict[str, str]:

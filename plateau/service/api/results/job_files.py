@@ -13,8 +13,8 @@ from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import job_view
 from plateau.picture import previews
 from plateau.service.api.parts import Parts
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.results.zip_stream import ZipEntry
+from plateau.service.api.stored_files import SpoiledBlob
 
 _EXR: Final = "image.exr"
 _PICTURES: Final = (
@@ -100,8 +100,7 @@ class JobFiles:
         """The blob, if it is there and whole."""
         sha256 = self._farm.jobs.sha256(blob)
         try:
-            if sha256 is not None:
-                self._farm.files.require(blob, sha256)
+            self._farm.files.require(blob, sha256)
             size = self._farm.blobs.size(blob) or 0
             chunks = self._farm.blobs.chunks(blob)
             begun = chain([next(chunks, b"")], chunks)  # once it is open, it may be deleted

@@ -1,7 +1,7 @@
 """The route that renders an ended job again, with its samples where they can be kept."""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -26,7 +26,6 @@ from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
 from plateau.service.api.submission.creation import create_job, required
 from plateau.service.api.submission.idempotency import IdempotencyKey
-from plateau.service.api.submission.merge_patch import merge_patch
 from plateau.service.api.submission.reading import Submission
 from plateau.service.api.submission.storing import stored_scene
 from plateau.service.api.submission.submitted_spec import check_alone, check_names
@@ -34,14 +33,18 @@ from plateau.service.api.submission.submitted_spec import check_alone, check_nam
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
 
-def _described(schema: JsonDict) -> None:
-    schema.update(merge_patch(JobSpec.model_json_schema()), title="SpecChanges")
+#: Each of any type: null removes a field, and an object may have some of its fields only.
+_FIELDS: Final[JsonDict] = {
+    name: {"description": field.description or ""} for name, field in JobSpec.model_fields.items()
+}
 
 
 class SpecChanges(RootModel[dict[str, Any]]):
-    """The fields of the spec that change."""
+    """The fields of the spec that change, as `JobSpec` has them."""
 
-    model_config = ConfigDict(json_schema_extra=_described)
+    model_config = ConfigDict(
+        json_schema_extra={"properties": _FIELDS, "additionalProperties": False}
+    )
 
 
 Changes = Annotated[

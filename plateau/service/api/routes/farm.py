@@ -157,7 +157,8 @@ def get_readiness(farm: Farm) -> Health:
     responses={
         200: {
             "content": {"text/plain": {"schema": {"type": "string"}, "example": examples.METRICS}}
-        }
+        },
+        **documented(),
     },
 )
 def get_metrics(request: Request) -> Response:

@@ -1,13 +1,15 @@
-"""Routes for the images of a job: the merged image, maps of it, and kept slices."""
+"""Routes for the images of a job: the merged image, maps of it, its previews, and kept slices."""
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Path, Response
 from fastapi.responses import StreamingResponse
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
-from plateau.service.api.http.etags import IfNoneMatch, Known, strong
+from plateau.farm.wire.views import Preview, PreviewList
+from plateau.picture import previews
+from plateau.service.api.http.etags import FINAL, IfNoneMatch, Known, strong
 from plateau.service.api.http.served_blobs import (
     EXR,
     PNG,
@@ -17,10 +19,11 @@ from plateau.service.api.http.served_blobs import (
     headers_of,
 )
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import catalogue as problems
+from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.problem import Problem, ProblemType
 from plateau.service.api.routes.jobs import JobId
+from plateau.service.api.stored_files import SpoiledBlob
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
@@ -32,66 +35,66 @@ _PNG: Final[dict[str, Any]] = {
 
 
 @router.get("/image.png", **_PNG)
-def get_image_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_image_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the newest merged image as the job's display shows it; after the end, the final one."""
-    return _image("image.png", PNG, job_id, farm, has, request)
+    return _image("image.png", PNG, job_id, farm, has)
 
 
 @router.get(
     "/image.exr", response_class=StreamingResponse, responses=described(EXR, problems.NO_IMAGE_YET)
 )
-def get_image_exr(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_image_exr(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the merged image as linear radiance, float32."""
-    return _image("image.exr", EXR, job_id, farm, has, request)
+    return _image("image.exr", EXR, job_id, farm, has)
 
 
 @router.get("/difference.png", **_PNG)
-def get_difference_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_difference_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show what has changed visibly since the first image."""
-    return _image("difference.png", PNG, job_id, farm, has, request)
+    return _image("difference.png", PNG, job_id, farm, has)
 
 
 @router.get("/noise.png", **_PNG)
-def get_noise_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_noise_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show where noise is left to see, in orange: the pixels that `estimate_pixels` counts.
 
     Of two images with noise like this one's, a pixel differs visibly in both, or in one where it is
     of a darker orange. In another image of as many samples other pixels differ, about as many.
     """
-    return _image("noise.png", PNG, job_id, farm, has, request)
+    return _image("noise.png", PNG, job_id, farm, has)
 
 
 @router.get("/quality.png", **_PNG)
-def get_quality_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_quality_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show where a person would see the noise, by ColorVideoVDP, if a rule of the job goes by it.
 
     From dark blue, nowhere, to yellow, as much as 3 JOD and more.
     """
-    return _image("quality.png", PNG, job_id, farm, has, request)
+    return _image("quality.png", PNG, job_id, farm, has)
 
 
 @router.get("/spp.png", **_PNG)
-def get_spp_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_spp_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show how many samples each pixel has, from dark blue to yellow, if the job is by zones.
 
     The scale is logarithmic. The text chunks `plateau:spp_min` and `plateau:spp_max` have its ends.
     """
-    return _image("spp.png", PNG, job_id, farm, has, request)
+    return _image("spp.png", PNG, job_id, farm, has)
 
 
 @router.get("/non-finite.png", **_PNG)
-def get_non_finite_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_non_finite_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show where the merged image is NaN (magenta) or infinite (blue), if it has such pixels.
 
     Such pixels are left out of every count. More than 0.1 % of them fail the job.
     """
-    return _image("non-finite.png", PNG, job_id, farm, has, request)
+    return _image("non-finite.png", PNG, job_id, farm, has)
 
 
 @router.get("/thumbnail.png", **_PNG)
-def get_thumbnail_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+def get_thumbnail_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show a thumbnail of the merged image; its longer side has 192 pixels at most."""
-    return _image("thumbnail.png", PNG, job_id, farm, has, request)
+    return _image("thumbnail.png", PNG, job_id, farm, has)
 
 
 @router.get(
@@ -100,7 +103,6 @@ def get_thumbnail_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMa
     responses=described(EXR, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
 )
 def get_slice_exr(
-    request: Request,
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[0])],
     farm: Farm,
@@ -114,14 +116,55 @@ def get_slice_exr(
         if not blobs.is_partial(blob):  # workers are not trusted
             raise FileNotFoundError(blob)
         headers = headers_of(job, strong(sha256), f"{job.id}-{index:06d}.exr")
-        return blob_response(blob, sha256, EXR, headers, farm, has, request)
+        return blob_response(blob, sha256, EXR, headers, farm, has)
     except (KeyError, FileNotFoundError) as error:
         raise Problem(problems.UNKNOWN_SLICE, job=job.id, index=index) from error
 
 
-def _image(
-    name: str, media_type: str, job_id: str, farm: Parts, has: Known, request: Request
+@router.get("/previews", responses=documented(problems.UNKNOWN_JOB))
+def list_previews(job_id: JobId, farm: Farm) -> PreviewList:
+    """List the points of the job's curve of which a picture is kept.
+
+    A job keeps up to 256 pictures in 64 MB, or 24 larger ones, and at most one for every 2 s. The
+    first point's is among them; of too many, those remain that are spread best in ratios of spp.
+    """
+    job = farm.job(job_id)
+    return PreviewList(
+        previews=[
+            Preview(spp=spp, link=f"/v1/jobs/{job.id}/previews/{spp}.png")
+            for spp in previews.kept(farm.blobs, job.id)
+        ]
+    )
+
+
+@router.get(
+    "/previews/{spp}.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.UNKNOWN_POINT, problems.INVALID_REQUEST),
+)
+def get_preview_png(
+    job_id: JobId,
+    spp: Annotated[
+        int, Path(ge=1, le=1_000_000, description="as `previews` lists it", examples=[100])
+    ],
+    farm: Farm,
+    has: IfNoneMatch,
 ) -> Response:
+    """Show the merged image at a point of the curve."""
+    job = farm.job(job_id)
+    blob = blobs.preview(job.id, spp)
+    headers = {
+        **headers_of(job, strong(job.id, spp, "preview.png"), f"{job.id}-{spp}-spp.png"),
+        "Cache-Control": FINAL,  # the image at a given spp never changes
+        SPP: str(spp),
+    }
+    try:
+        return blob_response(blob, farm.jobs.sha256(blob), PNG, headers, farm, has)
+    except FileNotFoundError as error:
+        raise Problem(problems.UNKNOWN_POINT, job=job.id, spp=spp) from error
+
+
+def _image(name: str, media_type: str, job_id: str, farm: Parts, has: Known) -> Response:
     job = farm.job(job_id)
     results, sha256 = "", None
     # A set of pictures is deleted when the next one is shown, which may happen meanwhile.
@@ -131,13 +174,11 @@ def _image(
         tag = strong(results.rpartition("/")[2], name)
         blob = f"{results}/{name}"
         sha256 = farm.jobs.sha256(blob)
-        if sha256 is None and farm.jobs.results(job.id) != results:
-            continue  # the digest was deleted with the set
         try:
             headers = headers_of(job, tag, f"{job.id}-{name}")
             if spp := blobs.spp_of_set(results):
                 headers[SPP] = str(spp)
-            return blob_response(blob, sha256, media_type, headers, farm, has, request)
+            return blob_response(blob, sha256, media_type, headers, farm, has)
         except FileNotFoundError:
             continue
     if sha256 is not None:

@@ -48,7 +48,7 @@ def page(has: IfNoneMatch) -> Response:
 
 def unknown_page() -> Response:
     """Show the web page, which says that it has nothing at this path."""
-    answer = serve(_page_files(), "index.html", Known(frozenset(), anything=False), _PAGE_POLICY)
+    answer = serve(_page_files(), "index.html", Known(), _PAGE_POLICY)
     answer.status_code = 404
     return answer
 

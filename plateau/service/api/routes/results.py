@@ -10,7 +10,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.model.job import BEFORE_ALL_EVENTS
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
 from plateau.farm.wire import examples
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import Curve, Happened
@@ -37,7 +37,7 @@ _SSE: Final = "text/event-stream"
 #: Redis refuses larger numbers.
 _EVENT_ID: Final = r"^[0-9]{1,19}-[0-9]{1,19}$"
 #: Proxies close a silent connection, commonly after 30 or 60 s.
-_HEARTBEAT_S: Final = 15.0
+_HEARTBEAT_S: Final = 5.0
 _RECONNECT_MS: Final = 1000
 
 #: Identifies the curve's schema in its ETag: another version may show more of the same points.
@@ -98,7 +98,7 @@ def _curve(
     job = farm.job(job_id)
     # Points are only appended, so their number identifies them.
     tag = _curve_tag(job.points, media_type)
-    if has.anything or has.has(tag):
+    if has.has(tag):
         return not_modified({**headers, "ETag": tag})
     points = farm.jobs.curve(job.id)
     headers["ETag"] = _curve_tag(len(points), media_type)
@@ -179,4 +179,9 @@ async def _frames(farm: Parts, job_id: str, after: str, who: Caller) -> AsyncIte
             if not await run_in_threadpool(who.is_welcome):
                 return
             asked_at = time.monotonic()
-        yield b"".join(told.frame for told in batch) or b": still here\n\n"
+        yield b"".join(map(_frame, batch)) or b": still here\n\n"
+
+
+def _frame(event: Event) -> bytes:
+    data = json.dumps({"at": event.at.isoformat(), **event.data})
+    return f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n".encode()

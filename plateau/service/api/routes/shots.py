@@ -4,21 +4,20 @@ import hashlib
 import math
 from typing import Any, Final
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Response
 from fastapi.responses import StreamingResponse
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.shots import ShotRecord, by_frame
 from plateau.farm.wire.shot_views import ShotView, shot_view
 from plateau.service.api.http.etags import REVALIDATE, IfNoneMatch, not_modified, strong
-from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.parameters import BatchName
 from plateau.service.api.http.served_blobs import PNG, blob_response
 from plateau.service.api.parts import Farm, Parts
-from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
 from plateau.service.api.problems.problem import Problem
+from plateau.service.api.stored_files import SpoiledBlob
 
 router = APIRouter(prefix="/v1/batches/{name}/shot", tags=["batches"])
 
@@ -54,7 +53,7 @@ def get_shot(name: BatchName, farm: Farm) -> ShotView:
 
 
 @router.get("/flicker.png", response_class=StreamingResponse, responses=_PICTURE)
-def get_flicker_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch) -> Response:
+def get_flicker_png(name: BatchName, farm: Farm, has: IfNoneMatch) -> Response:
     """Show where the last judgement has seen noise in motion, from dark blue to yellow.
 
     It is the mean over all frames; yellow is where it is seen most.
@@ -67,14 +66,14 @@ def get_flicker_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMa
         sha256, blob = last.flicker_sha256, blobs.flicker_map(record.id, record.looks - 1)
         headers = {"ETag": strong(sha256), "Cache-Control": REVALIDATE}
         try:
-            return blob_response(blob, sha256, PNG, headers, farm, has, request)
+            return blob_response(blob, sha256, PNG, headers, farm, has)
         except FileNotFoundError as error:
             if _shot(name, farm).looks == record.looks:  # and no newer look has replaced it
                 raise SpoiledBlob(blob) from error
 
 
 @router.get("/film.png", response_class=Response, responses=_PICTURE)
-def get_film_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch) -> Response:
+def get_film_png(name: BatchName, farm: Farm, has: IfNoneMatch) -> Response:
     """Play the newest image of each frame as an animated PNG of at most 512 pixels a side.
 
     The frame before stands in for one without an image, and the first image for those before it.
@@ -93,10 +92,6 @@ def get_film_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch
     pictures = _pictures(shown, farm)
     if not pictures:
         raise Problem(problems.NO_FRAME_YET, batch=name)
-    if has.anything:
-        return not_modified(headers)
-    if HEADERS_ONLY in request.scope:
-        return Response(media_type=PNG, headers=headers)
     longest = min(_LONGEST, math.isqrt(_MOST_PIXELS // len(pictures)))
     film = encode_film(pictures, record.spec.shot.fps, longest)
     return Response(film, media_type=PNG, headers=headers)

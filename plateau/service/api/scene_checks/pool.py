@@ -15,6 +15,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, BinaryIO, Final, TypeVar
 
 from plateau.farm.bundle import BundleError, BundleLimits, SceneSummary
@@ -53,17 +54,17 @@ class Checked:
 
     @classmethod
     def of(cls, answer: dict[str, Any]) -> "Checked":
-        """Decode a process's first answer."""
-        summary = None if "summary" not in answer else SceneSummary(**answer["summary"])
-        checked = cls(summary, [], None)
-        checked.add(answer)
-        return checked
+        """Decode a process's answer."""
+        return cls(
+            summary=SceneSummary(**answer["summary"]) if "summary" in answer else None,
+            sizes=[(width, height) for width, height in answer["sizes"]],
+            error=BundleError.told(**answer["error"]) if "error" in answer else None,
+        )
 
-    def add(self, answer: dict[str, Any]) -> None:
-        """Add a process's answer for the next sets of values."""
-        self.sizes += [(width, height) for width, height in answer["sizes"]]
-        if "error" in answer:
-            self.error = BundleError.told(**answer["error"])
+
+#: Checks an upload with sets of values, until one is refused or the budget is spent, without an
+#: error. Raises as `CheckProcess.ask`, or `Gone`.
+Check = Callable[[BinaryIO, Sequence[Asked]], Awaitable[Checked]]
 
 
 class SceneChecks:
@@ -91,44 +92,33 @@ class SceneChecks:
             process.end()
 
     @asynccontextmanager
-    async def slot(self, is_gone: IsGone) -> AsyncIterator["Slot"]:
+    async def slot(self, is_gone: IsGone) -> AsyncIterator[Check]:
         """Wait for a slot, which lasts as long as the context; raises `TooManyChecks` or `Gone`."""
         if self._admitted >= _AT_A_TIME + MOST_WAITING:
             raise TooManyChecks
         self._admitted += 1
         try:
-            slot = Slot(self, is_gone)
-            await self.begin(is_gone, patience_s=_PATIENCE_S)
+            begun = asyncio.ensure_future(self._slots.acquire())
             try:
-                yield slot
+                await attend(begun, is_gone, patience_s=_PATIENCE_S)
+            except BaseException:
+                if not begun.cancel():  # the slot has just come
+                    self._slots.release()
+                raise
+            try:
+                yield partial(self._check, is_gone)
             finally:
-                if not slot.is_over:
-                    self.end()
+                self._slots.release()
         finally:
             self._admitted -= 1
 
-    async def begin(self, is_gone: IsGone, *, patience_s: float) -> None:
-        """Wait for a slot."""
-        begun = asyncio.ensure_future(self._slots.acquire())
-        try:
-            await attend(begun, is_gone, patience_s=patience_s)
-        except BaseException:
-            if not begun.cancel():  # the slot has just come
-                self.end()
-            raise
-
-    def end(self) -> None:
-        """Give the slot to the next check."""
-        self._slots.release()
-
-    async def ask(self, file: BinaryIO, asked: Sequence[Asked], is_gone: IsGone) -> dict[str, Any]:
-        """Have a process check the file with as many sets of values as a slot allows."""
+    async def _check(self, is_gone: IsGone, file: BinaryIO, asked: Sequence[Asked]) -> Checked:
         process, given_up = self._idle.pop(), threading.Event()
         work = asyncio.get_running_loop().run_in_executor(
             self._threads, process.ask, file, asked, self.limits, given_up
         )
         try:
-            return await attend(work, is_gone)
+            return Checked.of(await attend(work, is_gone))
         finally:
             try:
                 if not work.done():
@@ -138,36 +128,6 @@ class SceneChecks:
                     work.exception()  # expected: the process was killed
             finally:
                 self._idle.append(process)
-
-
-class Slot:
-    """The right to run a check now."""
-
-    def __init__(self, checks: SceneChecks, is_gone: IsGone) -> None:
-        self._checks = checks
-        self._is_gone = is_gone
-        self.is_over = False  #: given to the next check, and not yet regained
-
-    async def check(self, file: BinaryIO, asked: Sequence[Asked], *, total_s: float) -> Checked:
-        """Check an upload with each of these sets of values, until one is refused.
-
-        Other checks have their slots in between. After `total_s` seconds of CPU time the result
-        ends early, without an error. Raises as `CheckProcess.ask`, or `Gone`.
-        """
-        answer = await self._checks.ask(file, asked, self._is_gone)
-        checked, spent_s = Checked.of(answer), answer["cpu_s"]
-        while checked.error is None and len(checked.sizes) < len(asked) and spent_s < total_s:
-            await self._give_way()
-            answer = await self._checks.ask(file, asked[len(checked.sizes) :], self._is_gone)
-            checked.add(answer)
-            spent_s += answer["cpu_s"]
-        return checked
-
-    async def _give_way(self) -> None:
-        self._checks.end()
-        self.is_over = True
-        await self._checks.begin(self._is_gone, patience_s=math.inf)
-        self.is_over = False
 
 
 async def attend(work: "asyncio.Future[T]", is_gone: IsGone, patience_s: float = math.inf) -> T:

@@ -23,9 +23,9 @@ class CheckBudget:
     and 130 MB.
     """
 
-    cpu_s: float = 10.0  #: CPU time of one slot; the kernel counts whole seconds
-    slot_s: float = 1.0  #: CPU time after which a slot starts with no further set of values
-    deadline_s: float = 30.0  #: wall time of one slot, on a machine with other work
+    cpu_s: float = 10.0  #: CPU time of a set of values; the kernel counts whole seconds
+    total_s: float = 60.0  #: CPU time after which no further set of values is checked
+    deadline_s: float = 30.0  #: wall time of one set of values, on a machine with other work
     memory_bytes: int = 256 * 2**20  #: memory that the process writes to
 
 
@@ -71,7 +71,7 @@ class CheckProcess:
         limits: BundleLimits,
         given_up: threading.Event,
     ) -> dict[str, Any]:
-        """Have the process check the file with as many sets of values as a slot allows.
+        """Have the process check the file with as many sets of values as the budget allows.
 
         To give the check up, set the event and then kill the process.
 
@@ -89,11 +89,12 @@ class CheckProcess:
             "asked": [(dict(values), sensor) for values, sensor in asked],
             "limits": asdict(limits),
             "cpu_s": self._budget.cpu_s,
-            "slot_s": self._budget.slot_s,
+            "total_s": self._budget.total_s,
         }
         text = json.dumps(question).encode()
+        deadline_s = self._budget.deadline_s + (len(asked) > 1) * self._budget.total_s
         try:
-            told = child.ask(lambda to: write_part(to, text), self._budget.deadline_s, file)
+            told = child.ask(lambda to: write_part(to, text), deadline_s, file)
         except NoAnswer as error:
             child.end()
             raise self._ended(error.status) from error

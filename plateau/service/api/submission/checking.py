@@ -1,6 +1,6 @@
 """Checks an uploaded scene with the values of each job that is to render it."""
 
-from typing import BinaryIO, Final
+from typing import BinaryIO
 
 from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.model.renderers import variant_for
@@ -8,19 +8,17 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
 from plateau.service.api.problems.spec_checks import check_film_sizes, check_size
-from plateau.service.api.scene_checks.pool import Slot
+from plateau.service.api.scene_checks.pool import Check
+from plateau.service.api.scene_checks.process import CheckBudget
 from plateau.service.api.submission.scene_parts import broken_scene
 
-#: CPU time of all checks: one may take a second, and a list has up to a thousand entries.
-_MOST_CHECKING_S: Final = 60.0
 
-
-async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
+async def checked(check: Check, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
     """Check the file with the values of each entry; returns the summary with the first ones."""
     entries = different(spec)
     asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
     try:
-        found = await slot.check(file, asked, total_s=_MOST_CHECKING_S)
+        found = await check(file, asked)
     except BundleError as error:
         raise broken_scene(error) from error
     if spec.shot is not None:
@@ -39,7 +37,7 @@ async def checked(slot: Slot, file: BinaryIO, spec: JobSpec | BatchSpec) -> Scen
         raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
         entries_checked = next(fields).rpartition(".")[2]
-        raise Problem(problems.SLOW_TO_CHECK, entries=entries_checked, seconds=_MOST_CHECKING_S)
+        raise Problem(problems.SLOW_TO_CHECK, entries=entries_checked, seconds=CheckBudget.total_s)
     assert found.summary is not None  # a spec has at least one entry
     return found.summary
 

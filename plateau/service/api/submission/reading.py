@@ -16,12 +16,16 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.service.api.parts import parts_of
 from plateau.service.api.problems import catalogue as problems
-from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import Problem
 from plateau.service.api.problems.spec_checks import with_notice
 from plateau.service.api.submission.idempotency import idempotency_key
 from plateau.service.api.submission.scene_parts import Scene, scene_part
 from plateau.service.api.submission.submitted_spec import submitted_spec
+
+#: The most files and other parts of a form, and the largest part that is not a file.
+_MOST_FILES: Final = 2
+_MOST_FIELDS: Final = 8
+_MOST_FIELD_BYTES: Final = 1 << 20
 
 _FIELDS: Final = frozenset({"scene", "scene_path", "scene_sha256", "spec"})
 
@@ -44,7 +48,7 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
         raise Problem(problems.NOT_MULTIPART, media_type=media_type)
     try:
         async with request.form(
-            max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
+            max_files=_MOST_FILES, max_fields=_MOST_FIELDS, max_part_size=_MOST_FIELD_BYTES
         ) as form:
             asked = await _submission(form, idempotency_key(request))
             farm = parts_of(request)
@@ -58,7 +62,7 @@ async def _submission(form: FormData, key: str) -> Submission:
     if unknown:
         raise Problem(problems.UNKNOWN_PART, part=unknown[0])
     part = form.get("spec")
-    text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
+    text = (await part.read(_MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
     wanted = submitted_spec(text or b"{}")
     spec = fitted(wanted)
     scene = scene_part(form.get("scene"), form.get("scene_path"), form.get("scene_sha256"))

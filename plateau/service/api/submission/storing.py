@@ -20,7 +20,7 @@ from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
-from plateau.service.api.scene_checks.pool import Gone, Slot, TooManyChecks
+from plateau.service.api.scene_checks.pool import Check, Gone, TooManyChecks
 from plateau.service.api.scene_checks.process import CheckEnded
 from plateau.service.api.submission.checking import checked, different
 from plateau.service.api.submission.reading import Submission, submission
@@ -51,11 +51,11 @@ async def stored_scene(
         if isinstance(asked.scene, ScenePath):
             values = [one.parameter_strings() for one in different(asked.spec).values()]
             with await placed_file(asked.scene, values, request, farm) as file:
-                async with farm.checks.slot(request.is_disconnected) as slot:
-                    return await _checked_and_stored(slot, file, asked, farm, who)
-        async with farm.checks.slot(request.is_disconnected) as slot:
+                async with farm.checks.slot(request.is_disconnected) as check:
+                    return await _checked_and_stored(check, file, asked, farm, who)
+        async with farm.checks.slot(request.is_disconnected) as check:
             with await run_in_threadpool(opened, asked.scene, farm) as file:
-                return await _checked_and_stored(slot, file, asked, farm, who)
+                return await _checked_and_stored(check, file, asked, farm, who)
     except (TooManyChecks, CheckEnded) as error:
         raise Problem(problems.BUSY) from error
     except Gone:
@@ -63,13 +63,13 @@ async def stored_scene(
 
 
 async def _checked_and_stored(
-    slot: Slot, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
+    check: Check, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
 ) -> StoredScene:
     sha256 = await run_in_threadpool(_sha256, file)
     if isinstance(asked.scene, str) and sha256 != asked.scene:
         blob = blob_names.scene(asked.scene)
         raise Problem(problems.DAMAGED_SCENE, sha256=asked.scene, blob=blob)
-    summary = await checked(slot, file, asked.spec)
+    summary = await checked(check, file, asked.spec)
     if summary.roots and isinstance(asked.scene, UploadFile):
         raise Problem(problems.MADE_UP_LIST, name=LIST_NAME, code="entry-name")
     store = partial(_stored, asked.scene, sha256, file, summary, farm, who)

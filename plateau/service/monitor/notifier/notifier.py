@@ -41,9 +41,7 @@ from plateau.service.notices.targets import read_targets
 _LOG = logging.getLogger(__name__)
 
 _MOST: Final = 16  #: notices under way at once,
-_MOST_TO_ONE: Final = 2  #: those to one receiver,
-_MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the last time
-_MOST_REMEMBERED: Final = 10_000  #: silent receivers
+_MOST_TO_ONE: Final = 2  #: and those to one receiver
 
 _LEASE_S: Final = 2 * TOTAL_S
 _POLL_S: Final = 1.0
@@ -125,7 +123,6 @@ class Notifier:
         self._over = Stop()
         self._lock = threading.Lock()
         self._under_way: Counter[str] = Counter()  # by receiver
-        self._silent: dict[str, None] = {}  # receivers, the most recent last
         self._threads: set[threading.Thread] = set()
 
     def run(self) -> None:
@@ -155,18 +152,11 @@ class Notifier:
         with self._lock:
             if self._over.is_set() or self._under_way.total() >= _MOST:
                 return None
-            taken = self._outbox.take(self._lease_s, self._busy())
+            busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
+            taken = self._outbox.take(self._lease_s, busy)
             if taken is not None:
                 self._under_way[taken.receiver] += 1
             return taken
-
-    def _busy(self) -> set[str]:
-        """The receivers that get no further notice for now."""
-        busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
-        to_silent = [one for one in self._under_way if one in self._silent]
-        if len(to_silent) >= _MOST_TO_SILENT:
-            return busy | self._silent.keys()
-        return busy | set(to_silent)
 
     def _start(self, taken: Taken) -> None:
         thread = threading.Thread(target=self._go_on, args=(taken,), name="notice", daemon=True)
@@ -199,7 +189,6 @@ class Notifier:
     def _deliver(self, taken: Taken) -> None:
         started = time.monotonic()
         answer, error = self._tried(taken)
-        self._remember(taken.receiver, silent=answer is None and bool(error))
         end = _end_of(taken, answer, error)
         asked_s = 0.0 if answer is None else answer.retry_after_s
         delay_s = self._delay_s(taken.tries, asked_s) if end == "failed" else 0.0
@@ -225,14 +214,6 @@ class Notifier:
         if 300 <= answer.status < 400:
             return answer, f"the receiver answered {answer.status}; redirects are not followed"
         return answer, f"the receiver answered {answer.status}"
-
-    def _remember(self, receiver: str, *, silent: bool) -> None:
-        with self._lock:
-            self._silent.pop(receiver, None)
-            if silent:
-                self._silent[receiver] = None
-                if len(self._silent) > _MOST_REMEMBERED:
-                    del self._silent[next(iter(self._silent))]
 
     def _settle(self, taken: Taken, end: TryEnd, error: str, delay_s: float) -> bool:
         """Record the outcome, retrying while the lease lasts; False if the lease was lost."""

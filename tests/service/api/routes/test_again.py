@@ -1,11 +1,10 @@
 """Ended jobs are rendered again: where samples are kept, as if the job had never been stopped."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
 import redis
 from pydantic import ValidationError
@@ -24,8 +23,8 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
-from tests.support.farms.live_api import live_api
-from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.farms.live_api import live_http
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
 from tests.support.faults.invariants import check_job
 from tests.support.until import until
@@ -119,38 +118,37 @@ def test_a_stricter_rule_goes_on_as_if_it_had_ruled_from_the_start(
     assert done.continued_spp == (0 if keep_slices else 80)
 
 
-def test_a_higher_cap_goes_on_where_the_cap_had_ended_it(farm: NoiseFarm) -> None:
-    never = {"name": "visible", "target": 1e-9}
+def is_due(farm: NoiseFarm) -> Job:
+    """A job that is cancelled after four slices are judged, when three more have come at once."""
+    job = farm.submit(**QUICK)
     with farm.monitor():
-        capped = work(farm, farm.submit(**{**QUICK, "rule": never, "max_spp": 60}))
-        assert capped.state is JobState.EXHAUSTED
-        done = work(farm, go_on(farm, capped, max_spp=100))
-        # And once more, from the job that went on
-        again = work(farm, go_on(farm, done, max_spp=120))
-    assert (done.state, done.spp) == (JobState.EXHAUSTED, 100)
-    assert [point["spp"] for point in curve(farm, again)] == list(range(20, 121, 20))
-    films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(12))
-    expected = (films[..., :3] / films[..., 3:]).astype(np.float32)
-    assert pixels(farm, again) == expected.tobytes()
-    assert (again.again.of, again.again.kept_spp) == (done.id, 100)
+        farm.render(4)
+        until(lambda: farm.jobs.get(job.id).spp == 40)
+        held = [farm.next_lease() for _ in range(3)]
+    for lease in held:
+        farm.commit(lease)
+    farm.jobs.cancel(job.id)
+    return job
 
 
-@pytest.mark.parametrize(("end", "slices"), [(JobState.CANCELLED, 5), (JobState.FAILED, 4)])
+def has_failed(farm: NoiseFarm) -> Job:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        farm.render(4)
+        until(lambda: farm.jobs.get(job.id).spp == 40)
+        farm.queue.fail(farm.next_lease(), "no such driver")
+    return job
+
+
+@pytest.mark.parametrize(("end", "slices"), [(is_due, 7), (has_failed, 4)])
 def test_one_that_ended_too_soon_can_be_taken_up_again(
-    farm: NoiseFarm, end: JobState, slices: int
+    farm: NoiseFarm, end: Callable[[NoiseFarm], Job], slices: int
 ) -> None:
+    job = end(farm)
     with farm.monitor():
-        job = farm.submit(**QUICK)
-        farm.render(slices)
-        if end is JobState.CANCELLED:  # in the middle of a step, the last point being judged
-            until(lambda: farm.jobs.get(job.id).spp == 40)
-            farm.jobs.cancel(job.id)
-        else:
-            until(lambda: farm.jobs.get(job.id).spp == slices * SLICE)
-            farm.queue.fail(farm.next_lease(), "no such driver")
         until(lambda: farm.jobs.get(job.id).finished_at is not None)
         ended = farm.jobs.get(job.id)
-        assert (ended.state, ended.again) == (end, None)
+        assert ended.again is None
         done = work(farm, go_on(farm, ended))
         undisturbed = work(farm, farm.submit(**QUICK))
     assert done.again.kept_spp == slices * SLICE
@@ -217,30 +215,6 @@ def test_sums_stay_for_a_job_that_still_stands_on_them(
         assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 1
     assert farm.store.names(blobs.checkpoints(old.id)) == []
     assert Continuations(client).remains(done).slices == 12
-
-
-def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
-    farm: NoiseFarm, client: redis.Redis
-) -> None:
-    # Given a job, and one that went on with it and was cancelled before it rendered anything
-    with farm.monitor():
-        old = work(farm, farm.submit(**QUICK))
-        new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
-        farm.jobs.cancel(new.id)
-        until(lambda: farm.jobs.get(new.id).finished_at is not None)
-    let_it_have_ended(farm, old, days_ago=4)
-    # Then the second can be gone on with for as long as any other
-    assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S).sums == 0
-    assert Continuations(client).remains(farm.jobs.get(new.id)).slices == 8
-    # And after that the sums go
-    let_it_have_ended(farm, new, days_ago=4)
-    for dry_run in (True, False):
-        swept = sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run)
-        assert (swept.sums, swept.orphans, swept.blobs) == (1, 0, 1)
-    assert farm.store.names(blobs.checkpoints(old.id)) == []
-    # Without them nothing can go on, and the results stay
-    assert farm.picture(old, "image.png")
-    assert loses(farm, farm.jobs.get(old.id)) == "gone"
 
 
 @pytest.mark.parametrize(
@@ -340,10 +314,7 @@ def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
 class TestOverHttp:
     @pytest.fixture
     def http(self, farm: NoiseFarm, redis_url: str) -> Iterator[httpx.Client]:
-        with (
-            live_api(redis_url, farm.store) as url,
-            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-        ):
+        with live_http(redis_url, farm.store) as http:
             yield http
 
     def test_a_job_goes_on_once_however_often_it_is_asked(
@@ -435,25 +406,6 @@ class TestOverHttp:
         answer = http.post(old["links"]["again"], json={"parameters": {"width": None}})
         assert answer.json()["type"] == "/problems/broken-scene", answer.text
         assert answer.json()["code"] == "undefined-parameter"
-
-    def test_kept_slices_are_judged_again_under_any_cap_that_is_not_beyond_them(
-        self, farm: NoiseFarm, http: httpx.Client
-    ) -> None:
-        with farm.monitor():
-            job = work(farm, farm.submit(**QUICK, seed=1, keep_slices=True))
-            cap = len(farm.jobs.ledger(job.id)) * SLICE
-            view, rule = {"white_luminance": 300}, {"name": "reverse"}
-            body = {"view": view, "rule": rule, "max_spp": cap}
-            judged = http.post(f"/v1/jobs/{job.id}/again", json=body).json()
-            assert judged["again"] == {"of": job.id, "kept_spp": cap, "why": None}
-            done = work(farm, farm.jobs.get(judged["id"]))
-        assert rendered(farm, done) == []
-        assert done.spec.view.white_luminance == 300
-        # With the cap under which they were drawn, more of them are rendered
-        body = {"max_spp": 400, "rule": {"name": "fixed", "spp": 200}}
-        goes_on = http.post(f"/v1/jobs/{done.id}/again", json=body)
-        with farm.monitor():
-            assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
 
 
 class TestSamplesSaved:

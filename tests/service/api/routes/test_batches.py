@@ -1,7 +1,5 @@
 """Batches over HTTP: many jobs by one request, summed up, steered."""
 
-import time
-from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -10,18 +8,10 @@ import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-from plateau.farm.ledger.batches import Batches
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.job import Job
-from plateau.farm.model.spec import BatchSpec
-from plateau.farm.model.states import JobState
 from plateau.farm.wire.batch_views import batch_path
 from tests.service.api.routes.test_jobs import problem, submit
-from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
-from tests.support.until import until
 
 #: A scene whose film is as wide as a parameter says.
 WIDE = scene(
@@ -82,45 +72,9 @@ class TestAListOfParameters:
         assert http.get("/v1/scenes").json()["scenes"] == []
         assert http.get("/v1/batches").json()["batches"] == []
 
-    @pytest.mark.parametrize(
-        ("spec", "field"),
-        [
-            ({"parameters": []}, "spec.parameters"),
-            ({"parameters": [{}] * 1001}, "spec.parameters"),
-            ({"parameters": [1]}, "spec.parameters.0"),
-            ({"parameters": [{}], "rule": {"name": "fixed", "spp": 0}}, "spec.rule.spp"),
-            ({"parameters": [{}], "frames": 3}, "spec.frames"),
-            ({"parameters": [{}], "min_spp": 20_000}, "spec"),
-            ({"batch": ".."}, "spec.batch"),
-            ({"parameters": [{}], "batch": "a\x00b"}, "spec.batch"),
-        ],
-    )
-    def test_is_refused_by_the_field_that_is_wrong(
-        self, http: httpx.Client, spec: dict[str, Any], field: str
-    ) -> None:
-        found = problem(submit(http, spec=spec), 422, "invalid-spec")
-        assert field in {one["field"] for one in found["errors"]}
-        assert listed(http) == []
-
     def test_with_a_thousand_mistakes_names_some_of_them(self, http: httpx.Client) -> None:
         found = problem(submit(http, WIDE, frames(*[None] * 1000)), 422, "invalid-spec")
         assert 10 <= len(found["errors"]) <= 50
-
-    def test_counts_each_of_its_jobs_for_its_key(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        limits = KeyLimits(open_jobs=3)
-        _, shown = ApiKeys(client).create("mine", Role.SUBMITTER, limits)
-        mine = {"Authorization": f"Bearer {shown}"}
-        found = problem(
-            submit(http, WIDE, frames(*range(16, 20)), headers=mine), 429, "too-many-jobs"
-        )
-        assert found["limit"] == 3
-        assert Jobs(client).search() == ([], None)
-        made = submit(http, WIDE, frames(*range(16, 19)), headers=mine)
-        assert made.json()["jobs"] == 3
-        owners = {job.owner for job in Jobs(client).search()[0]}
-        assert owners == {shown.split("_")[1]}
 
 
 class TestABatchByItsName:
@@ -153,23 +107,6 @@ class TestABatchByItsName:
         assert http.get("/v1/batches/a/b").json()["type"] == "/problems/unknown-path"
         refused = http.put("/v1/batches/a%2Fb")
         assert (refused.status_code, refused.headers["allow"]) == (405, "DELETE, GET, HEAD")
-
-
-class TestListing:
-    def test_shows_the_newest_first_in_pages(self, http: httpx.Client) -> None:
-        for name in "abcd":
-            submit(http, WIDE, frames(16, 17, batch=name))
-        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "b"})
-        seen: list[tuple[str, int]] = []
-        cursor: dict[str, str] = {}
-        while True:
-            page = http.get("/v1/batches", params={"limit": "3", **cursor}).json()
-            seen += [(one["name"], one["jobs"]) for one in page["batches"]]
-            if page["next_cursor"] is None:
-                break
-            cursor = {"cursor": page["next_cursor"]}
-        assert seen == [("b", 3), ("d", 2), ("c", 2), ("a", 2)]
-        assert page["batches"][0]["states"] == {"queued": 2}
 
 
 class TestASummary:
@@ -243,68 +180,3 @@ class TestAShot:
         for path in ("shot", "shot/film.png", "shot/flicker.png"):
             problem(http.get(f"/v1/batches/still/{path}"), 404, "no-shot")
             problem(http.get(f"/v1/batches/none/{path}"), 404, "unknown-batch")
-
-
-class TestSteering:
-    def test_says_what_became_of_each(self, http: httpx.Client, client: redis.Redis) -> None:
-        batch = submit(http, WIDE, frames(32, 32, batch="b")).json()
-        ended = StagedJob(client, batch["job_ids"][0])
-        ended.commit()
-        ended.end(JobState.EXHAUSTED)
-        for _ in range(2):
-            answer = http.post(batch["links"]["cancel"])
-            assert answer.status_code == 202
-            assert answer.json() == {
-                "name": "b",
-                "done": 1,
-                "jobs": [
-                    {
-                        "job": ended.id,
-                        "done": False,
-                        "state": "exhausted",
-                        "why_not": "it has ended",
-                    },
-                    {
-                        "job": batch["job_ids"][1],
-                        "done": True,
-                        "state": "cancelled",
-                        "why_not": None,
-                    },
-                ],
-            }
-
-
-FRAMES = 150
-
-
-def is_merged(job: Job) -> bool:
-    return job.state is not JobState.RENDERING or job.committed_spp - job.spp < job.spec.step
-
-
-def test_its_first_frame_is_done_long_before_its_last_begins(
-    client: redis.Redis, redis_url: str, tmp_path: Path
-) -> None:
-    farm, batches = NoiseFarm(client, redis_url, tmp_path), Batches(client)
-    spec = BatchSpec(
-        parameters=[{"frame": frame} for frame in range(FRAMES)],
-        step=20,
-        slice_spp=10,
-        max_spp=100,
-        rule={"name": "fixed", "spp": 100},
-    )
-    farm.jobs.create(*spec.job_specs("walk"), name="noise", scene_sha256="00")
-    deadline = time.monotonic() + 120
-    begun: set[str] = set()
-    with farm.monitor():
-        while JobState.CONVERGED not in (states := batches.get("walk").states):
-            assert time.monotonic() < deadline, states
-            for _ in range(5):
-                lease = farm.lease()
-                if lease is not None:
-                    begun.add(lease.job_id)
-                    farm.commit(lease)
-            # Five workers never outrun a monitor, however slow this machine is
-            until(lambda: all(is_merged(farm.jobs.get(job_id)) for job_id in begun), 120)
-    assert states[JobState.QUEUED] > FRAMES * 2 / 3, states
-    [done, *_] = farm.jobs.search(batch="walk", state=JobState.CONVERGED)[0]
-    assert done.spec.parameters["frame"] in range(20)

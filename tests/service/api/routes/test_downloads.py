@@ -15,7 +15,6 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.job import utc_now
@@ -23,7 +22,7 @@ from plateau.metric import encode_srgb
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from tests.service.api.routes.test_jobs import problem
 from tests.support.farms.every_time import save_every_time
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 
@@ -39,6 +38,7 @@ def converged(client: redis.Redis, store: Blobs, **spec: object) -> StagedJob:
     job.picture(store, "image.png", b"an image")
     job.picture(store, "difference.png", b"a map")
     job.picture(store, "image.exr", EXR, was=EXR)
+    job.preview(store, 100, b"a preview")
     job.end()
     job.finish(200)
     return job
@@ -57,7 +57,6 @@ class TestOneJob:
         self, http: httpx.Client, client: redis.Redis, api_store: Blobs
     ) -> None:
         job = converged(client, api_store)
-        api_store.put(blobs.preview(job.id, 100), b"a preview")
         archive = fetched(http, f"/v1/jobs/{job.id}/results.zip")
         assert archive.namelist() == [
             *("image.exr", "image.png", "difference.png", "previews/000100.png"),
@@ -111,10 +110,8 @@ def test_the_images_of_a_running_job_are_of_the_same_samples(
                 assert np.array_equal(encode_srgb(decode_image(archive.read("image.exr"))), shown)
                 spps.add(picture.info["plateau:spp"])
 
-    options = {"trust_env": False, "verify": False, "timeout": 60}
     with (
-        live_api(redis_url, farm.store) as url,
-        httpx.Client(base_url=url, **options) as http,
+        live_http(redis_url, farm.store) as http,
         ThreadPoolExecutor(1) as pool,
     ):
         looking = pool.submit(look, http)

@@ -13,7 +13,7 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.spec import JobSpec
 from plateau.service.notices.targets import Targets
 from tests.service.api.routes.test_jobs import problem, submit
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import live_http
 from tests.support.farms.receiver import SECRET
 from tests.support.farms.staged_job import StagedJob
 
@@ -109,10 +109,7 @@ def test_the_same_request_with_another_secret_is_another_request(http: httpx.Cli
 @pytest.fixture
 def lab(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
     """An API whose owner allows a network and a host."""
-    with (
-        live_api(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as url,
-        httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
-    ):
+    with live_http(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as http:
         yield http
 
 
@@ -140,10 +137,7 @@ def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
     client: redis.Redis, redis_url: str, store: Blobs
 ) -> None:
     targets = Targets({"ops": "json://127.0.0.1/a-secret", "lead": "slack://b-secret"}, ("ops",))
-    with (
-        live_api(redis_url, store, targets=targets) as url,
-        httpx.Client(base_url=url, timeout=60) as lab,
-    ):
+    with live_http(redis_url, store, targets=targets) as lab:
         assert submit(lab).json()["spec"]["notice"]["targets"] == ["ops"]
         answer = submit(lab, spec={"notice": {"targets": ["lead"]}})
         assert answer.json()["spec"]["notice"]["targets"] == ["lead", "ops"]
@@ -152,6 +146,6 @@ def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
         assert "names: lead, ops" in found["detail"]
         named = lab.get("/v1/targets")
         assert named.json() == {"targets": ["lead"], "always": ["ops"]}
-        with Client(url) as ours:
+        with Client(str(lab.base_url)) as ours:
             assert ours.targets().targets == ["lead"]
         assert "secret" not in found["detail"] + answer.text + named.text

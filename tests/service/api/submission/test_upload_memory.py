@@ -121,11 +121,6 @@ def untouched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TMPDIR", raising=False)
 
 
-def test_in_the_folder_that_is_given(tmp_path: Path) -> None:
-    spool_in(tmp_path / "cache" / "uploads")
-    assert Path(tempfile.gettempdir()) == tmp_path / "cache" / "uploads"
-
-
 def test_where_tmpdir_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     spool_in(tmp_path / "uploads")

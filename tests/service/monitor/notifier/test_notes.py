@@ -1,19 +1,16 @@
-"""Targets that the operator names are notified by mail and over HTTP, of jobs and whole batches."""
+"""Targets that the operator names are notified of jobs and whole batches."""
 
 import base64
 import json
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from email import message_from_bytes, policy
-from email.message import EmailMessage
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import redis
-from aiosmtpd.controller import Controller
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
@@ -30,7 +27,7 @@ from plateau.service.monitor.notifier.notifier import Notifier
 from plateau.service.monitor.notifier.requests import Requests
 from plateau.service.notices.receivers import Receivers
 from plateau.service.notices.targets import BadTargets, Targets, read_targets
-from tests.support.farms.receiver import OK, receiving
+from tests.support.farms.receiver import OK, Receiver, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
 
@@ -76,82 +73,43 @@ def delivered(client: redis.Redis, job: StagedJob) -> bool:
     return {one.state for one in Jobs(client).get(job.id).notices} == {"delivered"}
 
 
-class Mails:
-    """A mailbox behind an SMTP server."""
-
-    def __init__(self) -> None:
-        self.came: list[EmailMessage] = []
-
-    async def handle_DATA(  # noqa: N802
-        self, _server: object, _session: object, envelope: Any
-    ) -> str:
-        mail = message_from_bytes(envelope.content, policy=policy.default)
-        assert isinstance(mail, EmailMessage)
-        self.came.append(mail)
-        return "250 OK"
+def told(receiver: Receiver) -> list[dict[str, Any]]:
+    """The notes that came, as apprise POSTs them."""
+    return [json.loads(one.body) for one in receiver.received]
 
 
-class SmtpServer(Controller):
-    """On a port that the system chooses."""
-
-    def _trigger_server(self) -> None:
-        self.port = self.server.sockets[0].getsockname()[1]
-        super()._trigger_server()
-
-
-@contextmanager
-def mailbox() -> Iterator[tuple[Mails, str]]:
-    """A mailbox, and the target that reaches it."""
-    mails = Mails()
-    server = SmtpServer(mails, hostname="127.0.0.1", port=0)
-    server.start()
-    who = "from=farm@studio.example&to=ops@studio.example&mode=insecure"
-    try:
-        yield mails, f"mailto://127.0.0.1:{server.port}?{who}"
-    finally:
-        server.stop()
-
-
-def test_a_mail_says_what_ended_and_why(client: redis.Redis, redis_url: str) -> None:
-    with (
-        mailbox() as (mails, mail),
-        notifying(redis_url, Notes(Targets({"ops": mail}), "https://farm/")),
-    ):
-        job = ended(client, "ops")
-        until(lambda: delivered(client, job), 60)
-    [came] = mails.came
-    part = came.get_body(("plain", "html"))
-    assert part is not None
-    text = part.get_content()
-    assert (came["subject"], came["to"]) == ("box converged", "ops@studio.example")
+def test_a_note_says_what_ended_and_why(client: redis.Redis, redis_url: str) -> None:
+    with receiving() as receiver:
+        targets = Targets({"ops": by_json(receiver.url)})
+        with notifying(redis_url, Notes(targets, "https://farm/")):
+            job = ended(client, "ops")
+            until(lambda: delivered(client, job), 60)
+    [note] = told(receiver)
+    assert note["title"] == "box converged"
     for words in (f"Job {job.id}: levelled off", "100 spp", "noise left 0.1"):
-        assert words in text
-    assert f"https://farm/jobs/{job.id}" in text
+        assert words in note["message"]
+    assert f"https://farm/jobs/{job.id}" in note["message"]
 
 
-def test_it_has_a_small_picture_where_there_is_one_and_the_service_takes_it(
+def test_it_has_a_small_picture_where_there_is_one(
     client: redis.Redis, redis_url: str, tmp_path: Path
 ) -> None:
     png, store = encode_png(np.full((6, 8, 3), 200, np.uint8)), Blobs(str(tmp_path / "blobs"))
     file = tmp_path / "targets"
-    with receiving() as receiver, mailbox() as (mails, mail):
-        file.write_text(f"mail {mail}\njson {by_json(receiver.url)}\n")
+    with receiving() as receiver:
+        file.write_text(f"json {by_json(receiver.url)}\n")
         with module.notifying(Settings(redis_url=redis_url, notify_file=file), store):
-            job = StagedJob(client, notice={"targets": ["mail", "json"]})
+            job = StagedJob(client, name="seen", notice={"targets": ["json"]})
             job.commit(4)
             job.picture(store, "thumbnail.png", png)
             job.end()
             job.finish()
-            bare = ended(client, "mail")  # it has lost its picture
-            until(lambda: delivered(client, bare), 60)
-            until(lambda: delivered(client, job), 60)
-    pictures = [
-        [part.get_content() for part in mail.walk() if part.get_content_type() == "image/png"]
-        for mail in mails.came
-    ]
-    assert sorted(pictures) == [[], [png]]
-    [attached] = json.loads(receiver.received[0].body)["attachments"]
-    assert (attached["filename"], base64.b64decode(attached["base64"])) == ("image.png", png)
+            bare = ended(client, "json")  # it has lost its picture
+            until(lambda: delivered(client, bare) and delivered(client, job), 60)
+    attached = {note["title"]: note["attachments"] for note in told(receiver)}
+    assert attached["box converged"] == []
+    [picture] = attached["seen converged"]
+    assert (picture["filename"], base64.b64decode(picture["base64"])) == ("image.png", png)
 
 
 def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
@@ -164,8 +122,7 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
             job = ended(client, "ops")
             until(lambda: delivered(client, job), 60)
     assert "`plateau doctor --notify ops` on this machine says why; try 2 follows" in caplog.text
-    told = json.loads(receiver.received[1].body)
-    assert told["title"] == "box converged"
+    assert told(receiver)[1]["title"] == "box converged"
     assert PATH in receiver.received[1].path
     assert PATH not in caplog.text + Jobs(client).get(job.id).model_dump_json()
 
@@ -185,15 +142,10 @@ def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
         with notifying(redis_url, Notes(targets)):
             receiver.wait_for(2)
             until(lambda: delivered(client, third), 60)
-    told = {one["title"]: one["message"] for one in map(_body, receiver.received)}
-    assert {*told} == {"box failed", "batch walk has ended"}
-    assert "no such plugin" in told["box failed"]
-    assert "3 jobs: 2 cancelled, 1 failed" in told["batch walk has ended"]
-
-
-def _body(received: Any) -> dict[str, str]:
-    body: dict[str, str] = json.loads(received.body)
-    return body
+    notes = {one["title"]: one["message"] for one in told(receiver)}
+    assert {*notes} == {"box failed", "batch walk has ended"}
+    assert "no such plugin" in notes["box failed"]
+    assert "3 jobs: 2 cancelled, 1 failed" in notes["batch walk has ended"]
 
 
 class TestTheFileOfTargets:

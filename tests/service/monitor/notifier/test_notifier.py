@@ -160,62 +160,6 @@ def test_a_silent_receiver_holds_up_no_other(farm: Farm) -> None:
         silent.wait_for(20)
 
 
-def test_of_many_silent_receivers_some_wait(farm: Farm) -> None:
-    """Those that did not answer share half of the places, whatever becomes of the others."""
-    silent = [f"http://127.0.0.{number}:9/" for number in range(10, 40)]
-    with receiving() as other, farm.notifying(total_s=2) as notifier:
-        for url in silent:
-            farm.job(url)
-        until(lambda: len(notifier._silent) == 30)
-        farm.job(other)
-        other.wait_for(1)
-
-
-_MORTAL = """
-import sys
-from pathlib import Path
-sys.path.insert(0, {root!r})
-from plateau.farm.redis import keys
-from plateau.farm.redis.link import connect
-from plateau.farm.redis.wake import Wake
-from plateau.farm.ledger.outbox import Outbox
-from plateau.service.notices.receivers import Receivers
-from plateau.service.monitor.notifier.notes import Notes
-from plateau.service.monitor.notifier.notifier import Notifier
-from plateau.service.monitor.notifier.requests import Requests
-
-client = connect({url!r})
-requests = Requests(Receivers(("127.0.0.0/8",)))
-Notifier(Outbox(client), Wake(client, keys.WAKE_NOTIFIER), requests, Notes(), lease_s=1.0).run()
-"""
-
-
-def test_what_a_killed_process_was_delivering_comes_from_another(farm: Farm) -> None:
-    root = str(Path(__file__).parents[4])
-    killed = threading.Event()
-
-    def answer(number: int, _: object) -> tuple[int, dict[str, str]]:
-        if number == 1:
-            killed.wait(60)
-        return OK
-
-    with receiving(answer) as receiver:
-        job = farm.job(receiver)
-        script = _MORTAL.format(root=root, url=farm.url)
-        with subprocess.Popen([sys.executable, "-c", script]) as process:
-            try:
-                receiver.wait_for(1)
-            finally:
-                process.send_signal(signal.SIGKILL)
-        assert farm.notice(job).state == "waiting"
-        killed.set()
-        with farm.notifying():
-            farm.await_state(job, "delivered")
-    # The receiver had it twice, and can tell by its id
-    assert [one.id for one in receiver.received] == [f"msg_{job.id}"] * 2
-    assert receiver.received[0].body == receiver.received[1].body
-
-
 def test_one_that_stops_waits_a_moment_for_what_is_under_way(farm: Farm) -> None:
     stops = threading.Event()
 

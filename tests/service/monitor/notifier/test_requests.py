@@ -2,10 +2,11 @@
 
 import itertools
 import socket
+import socketserver
 import ssl
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta, timezone
 from urllib.parse import urlsplit
 
@@ -52,37 +53,22 @@ def speaking(words: Iterable[bytes], pause_s: float = 0.0) -> Iterator[str]:
     """The URL of a server that says these words to whoever connects, with pauses, and stays."""
     over = threading.Event()
 
-    def serve() -> None:
-        while not over.is_set():
-            try:
-                connection, _ = listener.accept()
-            except TimeoutError:
-                continue
-            with connection:
-                try:
-                    for word in words:
-                        connection.sendall(word)
-                        if over.wait(pause_s):
-                            break
-                    connection.settimeout(0.1)
-                    while not over.is_set():
-                        try:
-                            if not connection.recv(65536):
-                                break
-                        except TimeoutError:
-                            continue
-                except OSError:
-                    continue
+    class Talk(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            with suppress(OSError):
+                for word in words:
+                    self.request.sendall(word)
+                    if over.wait(pause_s):
+                        return
+                over.wait(NEVER_S)
 
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        listener.settimeout(0.1)
-        thread = threading.Thread(target=serve)
-        thread.start()
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Talk) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
-            yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
+            yield f"http://127.0.0.1:{server.server_address[1]}/"
         finally:
             over.set()
-            thread.join()
+            server.shutdown()
 
 
 def test_a_signature_is_what_the_library_of_standard_webhooks_expects() -> None:

@@ -127,7 +127,7 @@ export class Comparison {
     const other = found && comparisonOf(job, found) ? found : null;
     await Promise.all([this.#left.list(job, this.#signal, !other), this.#right.list(other ?? job, this.#signal, false)]);
     const refused = wanted && !other ? `Job ${wanted} has no image of ${job.width} × ${job.height} pixels to compare. ` : "";
-    setText(this.#hint, refused + kept(job, this.#left.previews, points));
+    setText(this.#hint, refused + kept(this.#left.previews, points));
   }
 }
 
@@ -156,12 +156,11 @@ function nameOfNewest(job) {
 }
 
 /**
- * @param {Api.JobView} job
  * @param {Api.Preview[]} previews
  * @param {Api.CurvePoint[]} points
  */
-function kept(job, previews, points) {
+function kept(previews, points) {
   const missing = points.filter(({ spp }) => !previews.some((one) => one.spp === spp)).length;
-  if (missing <= 1) return job.spec.keep_slices ? "Every point of the curve, merged from the slices that the job keeps." : "";
-  return `The job kept pictures of ${several(previews.length, "point")} out of ${whole(points.length)}; a job that keeps its slices offers them all.`;
+  if (missing <= 1) return "";
+  return `The job kept pictures of ${several(previews.length, "point")} out of ${whole(points.length)}.`;
 }

@@ -1,1 +1,0 @@
-"""Jobs' events: read from Redis once, and sent to every watcher."""
