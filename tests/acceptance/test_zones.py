@@ -48,6 +48,7 @@ def test_workers_and_monitors_that_come_and_go_make_the_same_image(
     victim, _ = farm.workers(2)
     # Given what comes of the job where nothing happens
     alone = outcome(farm, farm.submit(scene, **{**SPEC, **how}))
+    assert alone[0].state == "converged"
     # When a worker dies, and the monitor after it
     job = farm.client.job(farm.submit_half_way(scene, **{**SPEC, **how}))
     farm.kill(victim)
