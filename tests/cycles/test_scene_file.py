@@ -10,8 +10,8 @@ import pytest
 from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
 from plateau.files.packing import pack
 from tests.plateau.files.test_packing import names
-from tests.service.api.routes.test_jobs import problem
 from tests.service.api.routes.test_scenes import check
+from tests.support.api_calls import problem
 from tests.support.scenes.bundles import scene, zipped
 
 #: How Blender 5 begins a file, and how Zstandard does.

@@ -5,8 +5,8 @@ from pathlib import Path
 import redis
 
 from plateau.study.ledger import study_level
-from tests.service.api.routes.test_jobs import problem
 from tests.service.api.routes.test_spoiled_files import spoil
+from tests.support.api_calls import problem
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import ended_job

@@ -16,10 +16,10 @@ import redis
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
+from tests.support.farms.bench import SCENE, Bench
 from tests.support.long_tests import rare
 from tests.support.processes.commands import Command
 from tests.support.until import until
-from tests.worker.supervisor.test_supervisor import SCENE, Bench
 
 Run = Callable[..., Command]
 

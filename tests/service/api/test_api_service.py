@@ -16,7 +16,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.process import CannotListen, listen
-from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.api_calls import problem, submit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until

@@ -14,7 +14,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.totals import note_sweep
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import keys
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.live_api import live_http
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until

@@ -17,7 +17,7 @@ from plateau.farm.wire import examples
 from plateau.service.api.access.key_guard import needs_key
 from plateau.service.api.problems.catalogue import TYPES
 from plateau.service.api.submission import idempotency
-from tests.service.api.routes.test_jobs import submit
+from tests.support.api_calls import submit
 from tests.support.farms.staged_job import StagedJob
 
 JSON = "application/json"

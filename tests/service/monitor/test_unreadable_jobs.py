@@ -11,7 +11,7 @@ from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until

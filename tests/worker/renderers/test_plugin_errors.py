@@ -8,9 +8,9 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
 from plateau.worker.supervisor.variants import LLVM, Probe, VariantChoice
+from tests.support.farms.bench import SCENE, Bench
 from tests.support.until import until
 from tests.support.variants import VARIANTS, library_for
-from tests.worker.supervisor.test_supervisor import SCENE, Bench
 
 #: Laid in the place of the child's renderer: the real one, with a plugin of the farm's own.
 RENDERER = """

@@ -13,8 +13,8 @@ from plateau.farm.model.states import JobState
 from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import ChildDied, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
+from tests.support.farms.bench import SCENE, Bench, the_child
 from tests.support.until import until
-from tests.worker.supervisor.test_supervisor import SCENE, Bench, the_child
 
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, timeout_s=60)
 #: Mitsuba warns of the sun, and renders.

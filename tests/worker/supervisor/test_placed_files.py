@@ -21,8 +21,8 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.scene_roots import read_roots
 from plateau.worker.supervisor.placed_files import PlacedFiles
 from plateau.worker.supervisor.scene_cache import SceneCache
+from tests.support.farms.bench import SCENE, Bench
 from tests.support.until import until
-from tests.worker.supervisor.test_supervisor import SCENE, Bench
 
 QUAD = b"""ply
 format ascii 1.0

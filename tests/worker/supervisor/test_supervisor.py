@@ -1,6 +1,5 @@
 """A worker renders what it leases, and nothing that happens to it is lost or counted twice."""
 
-import contextlib
 import hashlib
 import json
 import os
@@ -8,100 +7,29 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 import redis
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
-from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
-from plateau.farm.ledger.schema import check_schema
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
-from plateau.worker.supervisor.variants import Probe, VariantChoice, probe
+from plateau.worker.supervisor.variants import Probe, VariantChoice
+from tests.support.farms.bench import SCENE, Bench, render_children, scalar, the_child
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.until import until
-
-
-@cache
-def scalar() -> VariantChoice:
-    """What a worker finds out at its start, without what it renders faster with."""
-    return VariantChoice("scalar_rgb", None, "asked for by the test", (probe("scalar_rgb", None),))
-
-
-SCENE = """<scene version="3.0.0">
-  <default name="size" value="16"/>
-  <integrator type="{integrator}"/>
-  <sensor type="perspective">
-    <film type="hdrfilm">
-      <integer name="width" value="$size"/><integer name="height" value="$size"/>
-      <rfilter type="box"/>
-    </film>
-    <sampler type="multijitter"/>
-  </sensor>
-  <shape type="sphere"><transform name="to_world"><translate z="4"/></transform>
-    <bsdf type="diffuse"/></shape>
-  <emitter type="constant"/>
-</scene>"""
-
-
-class Bench:
-    """A job's surroundings: a monitor's part played through the farm's own interface."""
-
-    def __init__(self, client: redis.Redis, url: str, store: Blobs, folder: Path) -> None:
-        check_schema(client)  # as every process does first
-        self.client, self.store = client, store
-        self.jobs, self.owners = Jobs(client), Ownerships(client, 60)
-        self.settings = Settings(redis_url=url, cache=folder / "cache", threads=2, lease_s=5.0)
-
-    def job(self, slices: int, scene: str | bytes = "", **spec: object) -> tuple[Job, Ownership]:
-        content = scene or SCENE.format(integrator="path")
-        content = content.encode() if isinstance(content, str) else content
-        sha256 = hashlib.sha256(content).hexdigest()
-        self.store.put(blobs.scene(sha256), content)
-        job = self.jobs.create(
-            JobSpec.model_validate({"slice_spp": 5, "step": 10, **spec}),
-            name="ball",
-            scene_sha256=sha256,
-        ).job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
-        self.owners.plan(owned, range(slices))
-        return job, owned
-
-    @contextmanager
-    def worker(self, choice: VariantChoice | None = None) -> Iterator[Supervisor]:
-        stop = Stop()
-        worker = Supervisor(self.settings, choice or scalar(), self.store, stop)
-        thread = threading.Thread(target=worker.run)
-        thread.start()
-        try:
-            yield worker
-        finally:
-            stop.set()
-            thread.join(60)
-            assert not thread.is_alive()
-
-    def hashes(self, job: Job) -> list[str]:
-        return [record["sha256"] for record in self.jobs.ledger(job.id).values()]
 
 
 @pytest.fixture
@@ -123,20 +51,6 @@ def test_it_shows_life_whether_redis_answers_or_not(bench: Bench, tmp_path: Path
 def partials(bench: Bench, job: Job) -> list[str]:
     """Those of whole slices; the monitor, which there is none of here, clears the glimpse too."""
     return [name for name in bench.store.names(blobs.partials(job.id)) if "glimpse" not in name]
-
-
-def render_children() -> list[psutil.Process]:
-    found = []
-    for process in psutil.Process().children():
-        with contextlib.suppress(psutil.NoSuchProcess):  # a probe may end meanwhile
-            if "plateau.worker.child" in process.cmdline():
-                found.append(process)
-    return found
-
-
-def the_child() -> psutil.Process:
-    (child,) = render_children()
-    return child
 
 
 def test_it_renders_what_is_planned(bench: Bench) -> None:

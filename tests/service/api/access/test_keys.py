@@ -14,7 +14,7 @@ from plateau.farm.model.states import JobState
 from plateau.service.api.access.key_guard import Access, needs_key
 from plateau.service.api.process import CannotListen, access_at
 from plateau.service.api.routes import results as routes_results
-from tests.service.api.routes.test_jobs import BOX, problem, submit
+from tests.support.api_calls import BOX, problem, submit
 from tests.support.farms.live_api import live_http
 from tests.support.farms.staged_job import StagedJob
 

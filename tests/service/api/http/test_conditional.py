@@ -10,7 +10,7 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis import keys
 from plateau.service.api.http.etags import Known
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.staged_job import PARTIAL, StagedJob
 
 IMAGES = ("image.png", "image.exr", "difference.png")

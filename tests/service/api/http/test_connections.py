@@ -19,7 +19,7 @@ import pytest
 from plateau.farm.blobs.store import Blobs
 from plateau.service.api import process
 from plateau.service.api.http import server
-from tests.service.api.routes.test_jobs import BOX, submit
+from tests.support.api_calls import BOX, submit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until

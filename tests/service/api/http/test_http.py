@@ -8,7 +8,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
 from plateau.service.api.http.parameters import chosen
 from plateau.service.api.problems.problem import Problem
-from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.api_calls import problem, submit
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
 

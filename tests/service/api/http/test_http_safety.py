@@ -12,7 +12,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.redis import keys
 from plateau.farm.redis.url import is_loopback
-from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.api_calls import problem, submit
 from tests.support.farms.staged_job import StagedJob
 
 

@@ -9,7 +9,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.wire.batch_views import batch_path
-from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.api_calls import problem, submit
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
 

@@ -20,7 +20,7 @@ from plateau.farm.images.exr import decode_image
 from plateau.farm.model.job import utc_now
 from plateau.metric import encode_srgb
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm

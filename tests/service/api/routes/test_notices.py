@@ -12,7 +12,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.model.spec import JobSpec
 from plateau.service.notices.targets import Targets
-from tests.service.api.routes.test_jobs import problem, submit
+from tests.support.api_calls import problem, submit
 from tests.support.farms.live_api import live_http
 from tests.support.farms.receiver import SECRET
 from tests.support.farms.staged_job import StagedJob

@@ -18,7 +18,7 @@ from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.picture.films import checked_partial
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until
 

@@ -3,7 +3,7 @@
 import httpx
 
 from plateau.farm.wire.examples import SCENE_SHA256, SCENE_XML
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 
 
 def check(http: httpx.Client, scene: str = SCENE_XML, spec: str = "{}") -> httpx.Response:

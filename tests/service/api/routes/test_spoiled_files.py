@@ -10,7 +10,7 @@ import redis
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.staged_job import PARTIAL, StagedJob
 
 

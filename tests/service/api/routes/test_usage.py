@@ -16,7 +16,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 
 #: 2026-11-02 was a Monday: ISO week 45.

@@ -11,7 +11,7 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
-from tests.service.api.routes.test_jobs import problem
+from tests.support.api_calls import problem
 from tests.support.farms.ledger_farm import about
 
 LIMITS = KeyLimits()

@@ -17,7 +17,7 @@ from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.service.api.scene_checks.placing import Placing
-from tests.service.api.routes.test_jobs import FILM, problem
+from tests.support.api_calls import FILM, problem
 from tests.support.farms.live_api import live_api
 from tests.support.scenes.bundles import PLY, mesh, scene, zipped
 
