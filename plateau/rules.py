@@ -175,6 +175,11 @@ class StoppingRule:
         return self.value_of(ParameterRole.VALUE_TARGET)
 
     @property
+    def quality_target(self) -> float | None:
+        """The quality by ColorVideoVDP at which it stops, in JOD: zones are chosen by it."""
+        return self.value_target if self.by_quality else None
+
+    @property
     def slope_limit(self) -> SlopeLimit | None:
         """The slope of the curve at which it stops."""
         window, slope = self.value_of(ParameterRole.WINDOW), self.value_of(ParameterRole.SLOPE)

@@ -2,7 +2,8 @@
 
 The whole image is to have as few visible pixels as the target allows, with the fewest samples. That
 is so when the last sample of every zone takes away equally many (Lagrange). `zone_curves` says how
-the visible pixels of a zone fall.
+the visible pixels of a zone fall. Where the target is a quality, see
+`plateau.metric.quality_allocation`.
 """
 
 from __future__ import annotations
@@ -124,9 +125,7 @@ def plan_round(
     """
     require_target(target)
     height, width = model.non_finite.shape
-    shape = -(-height // size), -(-width // size)
-    if spp.shape != shape or planned.shape != shape:
-        raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
+    require_zones((-(-height // size), -(-width // size)), spp, planned)
     curves = zone_curves(metric, model, clean, estimate, size)
     total = float((planned * curves.pixels).sum())
     least = max(sizes.least * total, float(curves.pixels.sum()))
@@ -136,7 +135,7 @@ def plan_round(
         curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
     allowed = allowed_pixels(target, model.pixels)
     needed = _needed(curves, spp, planned, allowed, total + least)
-    zones, more = _round(needed, planned, curves.pixels, least, sizes)
+    zones, more = next_round(needed, planned, curves.pixels, least, sizes)
     return Allocation(zones, math.ceil(more), needed)
 
 
@@ -185,14 +184,34 @@ def _at(visible: Floats, logarithms: Floats) -> Floats:
     return between
 
 
-def _round(
+def require_zones(
+    shape: tuple[int, ...], spp: NDArray[np.int64], planned: NDArray[np.int64]
+) -> None:
+    """Raise ValueError unless these are samples of as many zones as the image has."""
+    if spp.shape != shape or planned.shape != shape:
+        raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
+
+
+def next_round(
     needed: Floats,
     planned: NDArray[np.int64],
     pixels: Floats,
     least: float,
     sizes: RoundSizes,
 ) -> tuple[NDArray[np.bool_], float]:
-    """Return the zones of the next round, the neediest first, and the samples per pixel of each."""
+    """Return the zones of the next round, the neediest first, and the samples per pixel of each.
+
+    Parameters
+    ----------
+    needed, planned
+        Samples per pixel that each zone needs in the end, and has by all rounds so far.
+    pixels
+        Of each zone.
+    least
+        The fewest samples of the round, over all pixels.
+    sizes
+        How many it may have.
+    """
     missing = np.maximum(needed - planned, 0.0).ravel()
     so_far = planned.ravel().astype(np.float64)
     areas = pixels.ravel()

@@ -16,6 +16,8 @@ from plateau.metric.cvvdp import ColorVideoVDP, Display
 from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from plateau.metric.cvvdp import Quality as Comparison
     from plateau.metric.display import Plane, View
     from plateau.metric.noise_model import NoiseModel
@@ -46,6 +48,8 @@ class Quality:
     low_jod: float
     #: Where a person would see the noise, (H, W) float32 of 0 or more: what is lost, over 10 JOD.
     heat: Plane | None = field(default=None, repr=False, compare=False)
+    #: What each zone has of what is lost, if asked: see `plateau.metric.cvvdp.pooling`.
+    zones: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
 
 
 class QualityModel:
@@ -57,6 +61,8 @@ class QualityModel:
         The image without its noise, and the noise. Pixels that are not finite count as equal.
     view
         The screen, the room and the distance.
+    zone_size
+        Side of zones in pixels: the quality has their shares, and no map.
 
     Raises
     ------
@@ -79,27 +85,33 @@ class QualityModel:
     True
     """
 
-    def __init__(self, model: NoiseModel, view: View) -> None:
+    def __init__(self, model: NoiseModel, view: View, *, zone_size: int | None = None) -> None:
         self._model, self._view = model, view
         self._eye = ColorVideoVDP(display_of(view, model.clean.shape[1]))
         self._clean = self._eye.percept(displayed(model.clean, view))
-        one, other = (self._compared(amount, heat=True) for amount in (1.0, -1.0))
-        lost = BEST_JOD - min(one.jod, other.jod)
-        assert one.heat is not None  # as asked
-        assert other.heat is not None
+        has_heat = zone_size is None
+        both = [
+            self._compared(amount, heat=has_heat, zone_size=zone_size) for amount in (1.0, -1.0)
+        ]
+        lost = BEST_JOD - min(one.jod for one in both)
+        heat = [one.heat for one in both if one.heat is not None]
+        zones = [one.zones for one in both if one.zones is not None]
         self.quality = Quality(
-            jod=(one.jod + other.jod) / 2,
+            jod=sum(one.jod for one in both) / 2,
             low_jod=BEST_JOD - lost * (1 + MODEL_ERROR),
-            heat=(one.heat + other.heat) / np.float32(2),
+            heat=(heat[0] + heat[1]) / np.float32(2) if heat else None,
+            zones=(zones[0] + zones[1]) / 2 if zones else None,
         )
 
     def at(self, amount: float) -> float:
         """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
-        return self._compared(amount, heat=False).jod
+        return self._compared(amount).jod
 
-    def _compared(self, amount: float, *, heat: bool) -> Comparison:
+    def _compared(
+        self, amount: float, *, heat: bool = False, zone_size: int | None = None
+    ) -> Comparison:
         noisy = self._eye.percept(displayed(self._model.finite_noisy(amount), self._view))
-        return self._eye.compare(self._clean, noisy, heat=heat)
+        return self._eye.compare(self._clean, noisy, heat=heat, zone_size=zone_size)
 
     def forecast(self, target: float, *, spp: int) -> int | None:
         """Return the spp at which the quality reaches a target in JOD; None if out of reach.

@@ -28,14 +28,21 @@ class Allotment(NamedTuple):
     round : Round
         The round after those that are decided.
     forecast_spp : int
-        Samples per pixel, as a mean over the film, at which hardly any noise is left.
+        Samples per pixel, as a mean over the film, at which the target is reached.
     """
 
     round: Round
     forecast_spp: int
 
 
-def allotment(evidence: Evidence, target: float, plan: Plan, spp: NDArray[np.int64]) -> Allotment:
+def allotment(
+    evidence: Evidence,
+    target: float,
+    plan: Plan,
+    spp: NDArray[np.int64],
+    *,
+    quality_target: float | None = None,
+) -> Allotment:
     """Return what an image decides: a pure function of it, and of the plan.
 
     Parameters
@@ -48,9 +55,13 @@ def allotment(evidence: Evidence, target: float, plan: Plan, spp: NDArray[np.int
         The rounds that are decided before.
     spp
         Samples per pixel of each zone in the image, (rows, columns).
+    quality_target
+        The quality to reach, in JOD, if that counts instead of the noise.
     """
     grid = plan.grid
-    allocated = evidence.allocation(target, spp=spp, planned=_planned(plan), size=grid.size)
+    allocated = evidence.allocation(
+        target, spp=spp, planned=_planned(plan), size=grid.size, quality_target=quality_target
+    )
     assert allocated is not None  # the image is that of a round, which has two halves
     chosen = np.flatnonzero(allocated.zones)
     areas = np.array([zone.width * zone.height for zone in grid.zones()])

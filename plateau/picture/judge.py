@@ -50,7 +50,7 @@ def warm_up() -> None:
         metric.compare(reference, metric.percept(image))
     metric.denoised(image, image)
     eye = ColorVideoVDP(DISPLAYS["standard_fhd"])
-    eye.compare(eye.percept(image), eye.percept(image), heat=True)
+    eye.compare(eye.percept(image), eye.percept(image), heat=True, zone_size=16)
     frame = eye.video(24).percept(image)
     eye.compare(frame, frame, heat=True)
 
@@ -132,7 +132,10 @@ class Judge:
         if self._target and not flaw:
             chosen_by = _by_other_halves(evidence, merge, denoised)
             if plan is not None and chosen_by is not None and merge.zone_spp is not None:
-                allotted = allotment(chosen_by, self._target, plan, merge.zone_spp)
+                quality = self._rules[self._own].quality_target
+                allotted = allotment(
+                    chosen_by, self._target, plan, merge.zone_spp, quality_target=quality
+                )
                 decided, at = allotted.round, allotted.forecast_spp
                 forecast = Forecast(at, None, None)
             else:

@@ -8,9 +8,12 @@ from plateau.metric.allocation import LARGE_ROUNDS, LEAST_SHARE, SMALL_ROUNDS, p
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels, estimate_from
 from plateau.metric.noise_model import noise_model
+from plateau.metric.quality_allocation import plan_by_quality
 
 METRIC = CompiledVisibleDifferences(View())
-GREY, SIZE, TARGET = np.float32(0.4), 16, 0.0005
+GREY, SIZE = np.float32(0.4), 16
+TARGET, QUALITY, NEAR = 0.0005, 9.9, View(pixels_per_degree=20.0)
+EITHER = pytest.mark.parametrize("target", [TARGET, QUALITY], ids=["noise", "quality"])
 
 
 class Film:
@@ -39,11 +42,13 @@ class Film:
         clean = METRIC.percept(model.clean)
         return model, clean, estimate_from(METRIC, model, clean)
 
-    def plan(self, planned=None, target=TARGET, sizes=SMALL_ROUNDS):
+    def plan(self, target=TARGET, planned=None, sizes=SMALL_ROUNDS):
+        """Plan a round by the noise left, or by a quality in JOD."""
         planned = self.spp if planned is None else planned
-        return plan_round(
-            METRIC, *self.judged(), target, spp=self.spp, planned=planned, size=SIZE, sizes=sizes
-        )
+        zones = {"spp": self.spp, "planned": planned, "size": SIZE, "sizes": sizes}
+        if target >= 1:
+            return plan_by_quality(self.judged()[0], NEAR, target, **zones)
+        return plan_round(METRIC, *self.judged(), target, **zones)
 
     @property
     def mean(self):
@@ -64,18 +69,20 @@ def uneven():
     return sigma
 
 
-def test_the_noisy_zones_are_the_round(uneven):
-    plan = film(uneven, 400).plan()
+@EITHER
+def test_the_noisy_zones_are_the_round(uneven, target):
+    plan = film(uneven, 400).plan(target)
     assert plan.zones[:2, 2:].any()
     assert not plan.zones[:, :2].any()
     assert not plan.zones[2:].any()
-    assert plan.needed[:2, 2:].min() > 3 * plan.needed[2:].max()
+    assert plan.needed[:2, 2:].min() > (3 if target < 1 else 1.1) * plan.needed[2:].max()
 
 
-def test_a_plan_depends_on_its_arguments_alone(uneven):
+@EITHER
+def test_a_plan_depends_on_its_arguments_alone(uneven, target):
     one = film(uneven)
     spp = one.spp.copy()
-    first, second = one.plan(), one.plan()
+    first, second = one.plan(target), one.plan(target)
     assert (one.spp == spp).all()
     assert (first.zones == second.zones).all()
     assert (first.needed == second.needed).all()
@@ -85,20 +92,22 @@ def test_a_plan_depends_on_its_arguments_alone(uneven):
 @pytest.mark.parametrize("sizes", [SMALL_ROUNDS, LARGE_ROUNDS])
 def test_a_round_is_neither_tiny_nor_huge(uneven, sizes):
     one = film(uneven, 200)
-    for target in (1e-4, 1e-3, 1e-2, 0.9):
-        plan = one.plan(target=target, sizes=sizes)
+    for target in (1e-4, 1e-3, 1e-2, 0.9, 1.0, 9.5, 9.99, 10.0):
+        plan = one.plan(target, sizes=sizes)
         samples = plan.spp * one.of_pixels(plan.zones).mean()
         assert samples >= max(sizes.least * one.mean, 1)
         assert samples <= sizes.largest * one.mean * 1.5  # the last zone may be more than is left
 
 
-def test_samples_in_flight_are_counted(uneven):
+@EITHER
+def test_samples_in_flight_are_counted(uneven, target):
     one = film(uneven)
-    before = one.plan()
+    before = one.plan(target)
     flying = one.spp + before.zones * 10_000
-    after = one.plan(flying)
+    after = one.plan(target, flying)
     assert not (before.zones & after.zones).any()
     assert (after.needed >= flying).all()
+    assert after.needed.mean() > 1.024 * flying.mean()
 
 
 def test_what_is_needed_is_enough(uneven):
@@ -115,8 +124,9 @@ def test_what_is_needed_is_enough(uneven):
     assert np.mean(counts) == pytest.approx(allowed_pixels(TARGET, 64 * 64), abs=1.5)
 
 
-def test_an_image_without_noise_still_gets_a_round():
-    plan = film(np.zeros((64, 64))).plan()
+@EITHER
+def test_an_image_without_noise_still_gets_a_round(target):
+    plan = film(np.zeros((64, 64))).plan(target)
     assert plan.zones.any()
     assert plan.spp >= 1
 
@@ -125,7 +135,7 @@ def test_a_zone_is_never_forgotten():
     one = film(np.full((64, 64), 0.2))
     ahead = one.spp * 100
     ahead[2, 2] = 100
-    plan = one.plan(ahead)
+    plan = one.plan(planned=ahead)
     assert plan.needed[2, 2] >= LEAST_SHARE * plan.needed.mean() > ahead[2, 2]
     assert plan.zones[2, 2]
 
@@ -137,10 +147,11 @@ def test_a_new_firefly_opens_a_zone_again(uneven):
     assert one.plan().needed[3, 0] > 2 * 400
 
 
-def test_zones_at_the_edges_are_smaller():
+@EITHER
+def test_zones_at_the_edges_are_smaller(target):
     sigma = np.full((40, 56), 0.1)
     sigma[32:, 48:] = 0.5
-    plan = film(sigma).plan()
+    plan = film(sigma).plan(target)
     assert plan.zones.shape == (3, 4)
     assert plan.zones[2, 3]
     assert plan.needed[2, 3] == plan.needed.max()
@@ -152,7 +163,7 @@ def test_a_film_needs_fewer_samples_by_zones_than_whole(uneven):
         one = film(uneven, seed=11)
         flying = (np.ones_like(one.spp, bool), 100)
         while one.judged()[2].pixels > allowed_pixels(TARGET, 64 * 64):
-            plan = one.plan(one.spp + flying[0] * flying[1]) if by_zones else None
+            plan = one.plan(planned=one.spp + flying[0] * flying[1]) if by_zones else None
             one.add(*flying)
             flying = (plan.zones, plan.spp) if plan else (np.ones_like(one.spp, bool), 100)
         return one.mean
@@ -163,6 +174,7 @@ def test_a_film_needs_fewer_samples_by_zones_than_whole(uneven):
 def test_what_does_not_fit_is_refused(uneven):
     one = film(uneven)
     with pytest.raises(ValueError, match="target"):
-        one.plan(target=0)
-    with pytest.raises(ValueError, match="zones"):
-        one.plan(np.ones((2, 2), np.int64))
+        one.plan(0)
+    for target in (TARGET, QUALITY):
+        with pytest.raises(ValueError, match="zones"):
+            one.plan(target, np.ones((2, 2), np.int64))

@@ -224,6 +224,26 @@ def masked(
             _take_fourth_root(strength[y])
 
 
+@entry_point
+def powers_by_zone(
+    differences: Plane, pixels_across: int, size: int, sums: NDArray[np.float64]
+) -> None:
+    """Add D² and D³ of every pixel to its zone's `sums`, (channels, rows, columns, 2) float64.
+
+    A zone is a square of `size` pixels of the image, and a pixel of the band is `pixels_across` of
+    them across. It lies in the zone of its first pixel of the image.
+    """
+    channels, height, width = differences.shape
+    for channel in range(channels):
+        for y in range(height):
+            row = sums[channel, y * pixels_across // size]
+            for x in range(width):
+                d = np.float64(differences[channel, y, x])
+                zone = row[x * pixels_across // size]
+                zone[0] += d * d
+                zone[1] += d * d * d
+
+
 @inlined
 def _shifted_power(x: np.float32, exponent: np.float32, offset: np.float32) -> np.float32:
     result: np.float32 = power(x + _EPSILON, exponent) - offset

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plateau.metric.cvvdp.bands import contrasts, masked
+from plateau.metric.cvvdp.bands import contrasts, masked, powers_by_zone
 from plateau.metric.cvvdp.light import screen
 from plateau.metric.cvvdp.parameters import (
     BASE_WEIGHTS,
@@ -24,6 +24,7 @@ from plateau.metric.cvvdp.pooling import (
     over_frames,
     pooled_difference,
     raised,
+    shares_by_zone,
     viewing_weight,
 )
 from plateau.metric.cvvdp.pyramid import band_frequencies, expanded
@@ -52,6 +53,8 @@ class Quality:
     differences: NDArray[np.float64]
     #: Where a person would see it, (H, W) float32 of 0 or more: what is lost, over 10 JOD; or None.
     heat: Plane | None
+    #: What each zone has of the pooled difference, (2, rows, columns), or None: `shares_by_zone`.
+    zones: NDArray[np.float64] | None = None
 
 
 class ColorVideoVDP:
@@ -117,10 +120,18 @@ class ColorVideoVDP:
         """
         return Video(self.display, fps)
 
-    def compare(self, reference: Percept, test: Percept, *, heat: bool = False) -> Quality:
+    def compare(
+        self,
+        reference: Percept,
+        test: Percept,
+        *,
+        heat: bool = False,
+        zone_size: int | None = None,
+    ) -> Quality:
         """Return the quality of the test image, with a heat map if asked.
 
-        The comparison is not symmetric: the eye is adapted to the reference.
+        The comparison is not symmetric: the eye is adapted to the reference. With `zone_size` it
+        has the share of each zone too, a square of so many pixels; the last ones may be smaller.
 
         Raises
         ------
@@ -139,20 +150,23 @@ class ColorVideoVDP:
             )
             raise ValueError(f"{ours} as the reference met {theirs}")
         frequencies = band_frequencies(reference.shape, self.display.pixels_per_degree)
-        pooled, maps = [], []
+        pooled, maps, zones = [], [], []
         for band, frequency in enumerate(frequencies[:-1]):
-            sums, strength = self._band(reference, test, band, frequency, heat)
+            each, sums, strength = self._band(reference, test, band, frequency, heat)
             pooled.append(sums)
             maps.append(strength)
+            if zone_size is not None:
+                zones.append(_by_zone(each, band, reference.shape, zone_size))
         sums, strength = _base(reference.levels[-1], test.levels[-1], frequencies[-1])
         differences = np.stack([*pooled, sums], axis=1)
         heat_map = _reconstructed([*maps, strength]) if heat else None
-        return Quality(float(jod(pooled_difference(differences))), differences, heat_map)
+        shares = shares_by_zone(np.stack(zones, axis=1)) if zones else None
+        return Quality(float(jod(pooled_difference(differences))), differences, heat_map, shares)
 
     def _band(
         self, reference: Percept, test: Percept, band: int, frequency: float, heat: bool
-    ) -> tuple[NDArray[np.float64], Plane]:
-        """Return each channel's pooled difference in a band, and its map."""
+    ) -> tuple[Plane, NDArray[np.float64], Plane]:
+        """Return each channel's differences in a band, them pooled, and the map."""
         ours, our_next = reference.levels[band : band + 2]
         theirs, their_next = test.levels[band : band + 2]
         channels, height, width = ours.shape
@@ -167,7 +181,7 @@ class ColorVideoVDP:
         mean = sums.sum(axis=1) / (height * width)
         if heat and band > 0:
             strength *= np.float32(0.5)
-        return raised(mean, 1 / PIXEL_EXPONENT), strength
+        return differences, raised(mean, 1 / PIXEL_EXPONENT), strength
 
 
 def video_jod(frames: Iterable[Quality]) -> float:
@@ -196,6 +210,18 @@ def _weights(channels: int) -> NDArray[np.float32]:
     """Return by what the differences of each channel count in the map."""
     weights = viewing_weight(channels) * np.array(CHANNEL_WEIGHTS[:channels])
     return weights.astype(np.float32)
+
+
+def _by_zone(
+    differences: Plane, band: int, shape: tuple[int, int], size: int
+) -> NDArray[np.float64]:
+    """Return the sums of D² and D³ over each zone, over the pixels of the band."""
+    channels, height, width = differences.shape
+    rows, columns = (-(-pixels // size) for pixels in shape)
+    sums = np.zeros((channels, rows, columns, 2))
+    powers_by_zone(differences, 2**band, size, sums)
+    sums /= height * width
+    return sums
 
 
 def _base(reference: Plane, test: Plane, frequency: float) -> tuple[NDArray[np.float64], Plane]:

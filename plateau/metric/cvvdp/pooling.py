@@ -14,6 +14,7 @@ from plateau.metric.cvvdp.parameters import (
     COLOURS,
     EPSILON,
     FRAME_EXPONENT,
+    GREATEST_DIFFERENCE,
     JOD_EXPONENT,
     JOD_SCALE,
     LINEAR_BELOW,
@@ -70,6 +71,35 @@ def pooled_difference(differences: ArrayLike) -> float:
     weighted[:, -1] *= BASE_WEIGHTS[:channels]
     of_channels = norm(weighted, BAND_EXPONENT, axis=1)
     return viewing_weight(channels) * float(norm(of_channels, CHANNEL_EXPONENT, axis=0))
+
+
+def shares_by_zone(means: Array) -> Array:
+    """Return what each zone has of Q⁴, and what more samples would take away: (2, rows, columns).
+
+    Parameters
+    ----------
+    means
+        Sums of D² and D³ over each zone, over the pixels of the band: (channels, bands, rows,
+        columns, 2), without the base band, which has less than a thousandth of Q⁴.
+
+    Notes
+    -----
+    Up to the still's weight, Q⁴ is Σ w⁴ M² over bands and channels, with M the mean of D² over a
+    band's pixels. A zone z has L_z = Σ w⁴ M ⟨D²⟩_z of it, where ⟨D²⟩_z is the zone's part of M.
+
+    Noise that is t times as strong makes D/(1 − D/g) t^p times as large, with g the greatest
+    difference. So with n_z samples per pixel n_z ∂Q⁴/∂n_z = −2p G_z with
+    G_z = Σ w⁴ M ⟨D² − D³/g⟩_z.
+
+    Examples
+    --------
+    >>> shares_by_zone(np.array([[[[[2.0, 0.0], [1.0, 0.0]]]]])).tolist()
+    [[[6.0, 3.0]], [[6.0, 3.0]]]
+    """
+    weights = np.array(CHANNEL_WEIGHTS[: len(means)]) ** CHANNEL_EXPONENT
+    scale = weights[:, np.newaxis] * means[..., 0].sum(axis=(2, 3))
+    squares, cubes = np.einsum("cb,cbyxp->pyx", scale, means)
+    return np.stack([squares, squares - cubes / 10**GREATEST_DIFFERENCE])
 
 
 def viewing_weight(channels: int) -> float:

@@ -13,6 +13,7 @@ from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import Quality, QualityModel
+from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,9 +119,13 @@ class Evidence:
 
     @cached_property
     def _quality_model(self) -> QualityModel | None:
-        if self._model is None or min(self.percept.shape) < LEAST_SIZE:
+        if self._model is None or not self._has_quality:
             return None
         return QualityModel(self._model[0], self.metric.view)
+
+    @property
+    def _has_quality(self) -> bool:
+        return bool(min(self.image.shape[:2]) >= LEAST_SIZE)
 
     def quality_forecast(self, target: float) -> int | None:
         """Return the spp at which the quality reaches this target in JOD; None if unknown."""
@@ -148,16 +153,34 @@ class Evidence:
         spp: NDArray[np.int64],
         planned: NDArray[np.int64],
         size: int,
+        quality_target: float | None = None,
     ) -> Allocation | None:
         """Return the next round of samples by zones; None without halves.
 
-        The parameters are those of `plateau.metric.allocation.plan_round`. Rounds of a denoised
-        image are large. Where its likely error is small enough, they go where it may be greater.
+        The parameters are those of `plateau.metric.allocation.plan_round`. A quality to reach, in
+        JOD, counts instead of the noise, where the image has a quality (`plan_by_quality`). Rounds
+        of a denoised image are large. Where its likely error is small enough, they go where it may
+        be greater.
         """
-        if self._model is None or self.estimate is None:
+        if self._model is None:
             return None
         model, clean = self._model
+        sizes = SMALL_ROUNDS if self.error is None else LARGE_ROUNDS
+        if quality_target is not None and self._has_quality:
+            if self.error is not None:
+                quality = QualityModel(model, self.metric.view).quality
+                model = model if quality.low_jod < quality_target else self.error.greatest
+            return plan_by_quality(
+                model,
+                self.metric.view,
+                quality_target,
+                spp=spp,
+                planned=planned,
+                size=size,
+                sizes=sizes,
+            )
         estimate = self.estimate
+        assert estimate is not None  # as there is a model
         if self.error is not None and estimate.pixels <= self.allowed_pixels(target):
             model = self._focused(self.error.greatest)
             estimate = estimate_from(self.metric, model, clean)
@@ -170,7 +193,7 @@ class Evidence:
             spp=spp,
             planned=planned,
             size=size,
-            sizes=SMALL_ROUNDS if self.error is None else LARGE_ROUNDS,
+            sizes=sizes,
         )
 
     def forecast(self, target: float) -> Forecast | None:

@@ -21,7 +21,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
 from tests.service.api.routes.test_again import go_on, loses
-from tests.support.farms.finished_jobs import finished
+from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
 from tests.support.farms.noise_farm import NoiseFarm, ramp
 from tests.support.faults.invariants import check_job
 from tests.support.long_tests import rare
@@ -36,7 +36,14 @@ DENOISED = {
     "rule": {"name": "visible", "target": 0.01, "min_spp": 1},
     "denoise": {"name": "oidn", "guides": False},
 }
-EITHER = pytest.mark.parametrize("spec", [JOB, DENOISED], ids=["as it is", "denoised"])
+BY_QUALITY = {
+    **JOB,
+    "rule": {"name": "jod", "target": 9.5, "min_spp": 1},
+    "view": {"pixels_per_degree": 20},
+}
+ANY = pytest.mark.parametrize(
+    "spec", [JOB, DENOISED, BY_QUALITY], ids=["as it is", "denoised", "by quality"]
+)
 MOSTLY = pytest.mark.parametrize("spec", [JOB, *rare(DENOISED)], ids=["as it is", "denoised"])
 
 
@@ -76,7 +83,7 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> LopsidedFarm:
     return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
-@EITHER
+@ANY
 def test_noisy_zones_have_more_samples_than_calm_ones(
     farm: NoiseFarm, spec: dict[str, object]
 ) -> None:
@@ -101,6 +108,22 @@ def test_noisy_zones_have_more_samples_than_calm_ones(
     assert frame.state is JobState.CONVERGED
     assert frame.spp > spp.mean()
     assert ("denoised.weight" in layers) == (spec is DENOISED)
+
+
+def test_by_quality_the_target_says_how_many_samples_a_round_has(farm: NoiseFarm) -> None:
+    rules = ({"name": "jod", "target": target, "min_spp": 1} for target in (9.0, 9.9))
+    one, other = ({**BY_QUALITY, "rule": rule, "max_spp": 240} for rule in rules)
+    near, far, again = finished(farm, **one), finished(farm, **other), farm.submit(**other)
+    first = [farm.jobs.plan(job).decided[0].samples for job in (near, far)]
+    forecasts = [farm.jobs.curve(job.id)[0].forecast_spp or 0 for job in (near, far)]
+    assert first[0] < first[1]
+    assert 80 < forecasts[0] < forecasts[1]
+    # Its image depends on no monitor and no order
+    finish_by_many_monitors(farm, again)
+    assert farm.jobs.plan(far).decided == farm.jobs.plan(again).decided
+    images = [decode_layers(farm.picture(job, "image.exr")) for job in (far, again)]
+    for name, values in images[0].items():
+        np.testing.assert_array_equal(values, images[1][name])
 
 
 @MOSTLY

@@ -189,7 +189,8 @@ class SharedSpec(Strict):
             self._check_zones()
         if self.shot is not None:
             self._check_shot()
-        if self.view.focus is not None and self.noise_target is None and not self.by_zones:
+        chosen_by_noise = self.by_zones and self.rule.behaviour.quality_target is None
+        if self.view.focus is not None and self.noise_target is None and not chosen_by_noise:
             raise ValueError(
                 "a focus weighs the noise that is left, for which no rule of the job waits: choose "
                 "the rule visible, or watch it"

@@ -64,7 +64,10 @@ def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
 
 def test_a_focus_goes_with_whatever_counts_the_noise_left() -> None:
     focus = {"view": {"focus": [[0.1, 1]]}, "rule": {"name": "fixed"}}
-    assert JobSpec.model_validate(focus | {"allocation": {"name": "zones"}}).by_zones
+    zones = {"allocation": {"name": "zones"}}
+    assert JobSpec.model_validate(focus | zones).by_zones
+    with pytest.raises(ValidationError, match="waits: choose the rule visible"):
+        JobSpec.model_validate(focus | zones | {"rule": {"name": "jod"}})
     assert JobSpec.model_validate(focus | {"watch": [{"name": "visible"}]}).view.focus == (
         (0.1, 1),
     )
