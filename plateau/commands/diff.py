@@ -21,10 +21,7 @@ _Made = TypeVar("_Made")
 def diff(
     reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
     test: Annotated[Path, typer.Argument(help="A file of the same format and size.")],
-    field_of_view: Annotated[
-        float | None,
-        typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
-    ] = None,
+    field_of_view: o.FieldOfView = None,
     pixels_per_degree: Annotated[
         float | None,
         typer.Option(
@@ -33,9 +30,7 @@ def diff(
         ),
     ] = None,
     seen: o.Seen = None,
-    white_luminance: Annotated[
-        float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
-    ] = None,
+    white_luminance: o.WhiteLuminance = None,
     gamma: Annotated[
         float | None,
         typer.Option(

@@ -127,16 +127,14 @@ def plan_round(
     height, width = model.non_finite.shape
     require_zones((-(-height // size), -(-width // size)), spp, planned)
     curves = zone_curves(metric, model, clean, estimate, size)
-    total = float((planned * curves.pixels).sum())
-    least = max(sizes.least * total, float(curves.pixels.sum()))
     if model.focus is not None:
         finite = np.where(model.non_finite, np.float32(0), model.focus)
         weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
         curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
     allowed = allowed_pixels(target, model.pixels)
-    needed = _needed(curves, spp, planned, allowed, total + least)
-    zones, more = next_round(needed, planned, curves.pixels, least, sizes)
-    return Allocation(zones, math.ceil(more), needed)
+    fewest = samples_after(planned, curves.pixels, sizes)
+    needed = _needed(curves, spp, planned, allowed, fewest)
+    return next_round(needed, planned, curves.pixels, sizes)
 
 
 def _needed(
@@ -171,8 +169,7 @@ def _needed(
         middle = (low + high) / 2
         low, high = (low, middle) if is_enough(math.exp(middle)) else (middle, high)
     needed: Floats = np.take_along_axis(samples, cheapest(math.exp(high)), -1)[..., 0]
-    mean = float((needed * curves.pixels).sum() / curves.pixels.sum())
-    return np.maximum(needed, LEAST_SHARE * mean)
+    return needed
 
 
 def _at(visible: Floats, logarithms: Floats) -> Floats:
@@ -192,14 +189,23 @@ def require_zones(
         raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
 
 
+def samples_after(planned: NDArray[np.int64], pixels: Floats, sizes: RoundSizes) -> float:
+    """Return the samples over all pixels after the least round; parameters as for `next_round`."""
+    total, least = _total_and_least(planned, pixels, sizes)
+    return total + least
+
+
+def _total_and_least(
+    planned: NDArray[np.int64], pixels: Floats, sizes: RoundSizes
+) -> tuple[float, float]:
+    total = float((planned * pixels).sum())
+    return total, max(sizes.least * total, float(pixels.sum()))
+
+
 def next_round(
-    needed: Floats,
-    planned: NDArray[np.int64],
-    pixels: Floats,
-    least: float,
-    sizes: RoundSizes,
-) -> tuple[NDArray[np.bool_], float]:
-    """Return the zones of the next round, the neediest first, and the samples per pixel of each.
+    needed: Floats, planned: NDArray[np.int64], pixels: Floats, sizes: RoundSizes
+) -> Allocation:
+    """Return the next round, with the neediest zones; each needs `LEAST_SHARE` of the mean.
 
     Parameters
     ----------
@@ -207,11 +213,11 @@ def next_round(
         Samples per pixel that each zone needs in the end, and has by all rounds so far.
     pixels
         Of each zone.
-    least
-        The fewest samples of the round, over all pixels.
     sizes
-        How many it may have.
+        How many samples the round may have.
     """
+    needed = np.maximum(needed, LEAST_SHARE * float((needed * pixels).sum() / pixels.sum()))
+    _, least = _total_and_least(planned, pixels, sizes)
     missing = np.maximum(needed - planned, 0.0).ravel()
     so_far = planned.ravel().astype(np.float64)
     areas = pixels.ravel()
@@ -227,4 +233,5 @@ def next_round(
     last = int(enough[0]) if enough.size else int(np.argmax(each * area))
     zones = np.zeros(needed.size, np.bool_)
     zones[order[: last + 1]] = True
-    return zones.reshape(needed.shape), max(float(each[last]), least / float(area[last]))
+    spp = math.ceil(max(float(each[last]), least / float(area[last])))
+    return Allocation(zones.reshape(needed.shape), spp, needed)

@@ -18,13 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric.allocation import (
-    LEAST_SHARE,
-    SMALL_ROUNDS,
-    Allocation,
-    next_round,
-    require_zones,
-)
+from plateau.metric.allocation import SMALL_ROUNDS, next_round, require_zones, samples_after
 from plateau.metric.cvvdp.parameters import DIFFERENCE_EXPONENT, JOD_EXPONENT
 from plateau.metric.quality import BEST_JOD, FURTHEST, LEAST_LOST, QualityModel
 from plateau.metric.zone_noise import zone_sums
@@ -32,7 +26,7 @@ from plateau.metric.zone_noise import zone_sums
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.metric.allocation import RoundSizes
+    from plateau.metric.allocation import Allocation, RoundSizes
     from plateau.metric.display import View
     from plateau.metric.noise_model import NoiseModel
     from plateau.metric.zone_noise import Floats
@@ -105,13 +99,11 @@ def plan_by_quality(
     require_zones(pixels.shape, spp, planned)
     quality = QualityModel(model, view, zone_size=size).quality
     assert quality.zones is not None  # as asked
-    total = float((planned * pixels).sum())
-    least = max(sizes.least * total, float(pixels.sum()))
     aim, now = (max(BEST_JOD - jod, LEAST_LOST) for jod in (target, quality.jod))
     ratio = min(_MOST, _AIM * (aim / now) ** (2 / JOD_EXPONENT))
-    needed = _needed(quality.zones, pixels, spp, planned, ratio, total + least)
-    zones, more = next_round(needed, planned, pixels, least, sizes)
-    return Allocation(zones, math.ceil(more), needed)
+    fewest = samples_after(planned, pixels, sizes)
+    needed = _needed(quality.zones, pixels, spp, planned, ratio, fewest)
+    return next_round(needed, planned, pixels, sizes)
 
 
 def _needed(
@@ -148,6 +140,4 @@ def _needed(
     for _ in range(50):
         middle = (low + high) / 2
         low, high = (middle, high) if is_enough(middle) else (low, middle)
-    needed = np.maximum(spp * growth(low), planned)
-    mean = float((needed * pixels).sum() / pixels.sum())
-    return np.maximum(needed, LEAST_SHARE * mean)
+    return np.maximum(spp * growth(low), planned)

@@ -49,6 +49,13 @@ Url = Annotated[
         show_default="http://127.0.0.1:8713",
     ),
 ]
+FieldOfView = Annotated[
+    float | None,
+    typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
+]
+WhiteLuminance = Annotated[
+    float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
+]
 Seen = Annotated[
     str | None,
     typer.Option(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, TypeAlias, get_args
 
 import typer
 
-from plateau.commands.options import Seen, complete
+from plateau.commands.options import FieldOfView, Seen, WhiteLuminance, complete
 from plateau.commands.options.spec_fields import checked, spec_fields
 from plateau.commands.options.taking import Decorator, options_of, taking
 
@@ -119,9 +119,7 @@ def spec_from_options(
     exposure: Annotated[
         float | None, typer.Option(help="Exposure in EV.", show_default="0")
     ] = None,
-    white_luminance: Annotated[
-        float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
-    ] = None,
+    white_luminance: WhiteLuminance = None,
     contrast: Annotated[
         float | None,
         typer.Option(
@@ -133,10 +131,7 @@ def spec_from_options(
         float | None,
         typer.Option(help="Light on the display in lux; for the rule jod.", show_default="64"),
     ] = None,
-    field_of_view: Annotated[
-        float | None,
-        typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
-    ] = None,
+    field_of_view: FieldOfView = None,
     pixels_per_degree: Annotated[
         float | None,
         typer.Option(

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from plateau.farm.ledger import records
 from plateau.farm.ledger.workers import ALIVE_S
-from plateau.farm.model.fit import ANY, WorkerClass
+from plateau.farm.model.fit import ANY, WorkerClass, parts_of
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
@@ -121,11 +121,11 @@ class Census:
         """
 
         def suits(needed: str) -> bool:
-            variant, in_pool, *required = needed.split(" ")
+            variant, in_pool, required = parts_of(needed)
             return (
                 (not variants or variant == ANY or variant in variants)
                 and pool in (None, in_pool)
-                and (tags is None or set(",".join(required).split(",")) <= {*tags, ""})
+                and (tags is None or required <= set(tags))
             )
 
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))

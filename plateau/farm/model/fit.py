@@ -35,10 +35,10 @@ class WorkerClass:
 
     def serves(self, wanted: str) -> bool:
         """Whether such a worker may render jobs of this class: "VARIANT POOL TAG,TAG"."""
-        variant, pool, *tags = wanted.split(" ")
+        variant, pool, tags = parts_of(wanted)
         return (
             self.pool == pool
-            and set(filter(None, ",".join(tags).split(","))) <= set(self.tags)
+            and tags <= set(self.tags)
             and bool(self.variants)
             and (variant == ANY or variant in self.variants)
         )
@@ -54,6 +54,12 @@ def class_of(job: Job) -> str:
     return f"{job.variant or job.spec.variant} {need(job.spec)}"
 
 
+def parts_of(wanted: str) -> tuple[str, str, set[str]]:
+    """The variant, pool and tags of a class of jobs."""
+    variant, pool, *tags = wanted.split(" ")
+    return variant, pool, set(tags[0].split(",")) if tags else set()
+
+
 class Crew:
     """The living workers that take work."""
 
@@ -65,13 +71,15 @@ class Crew:
 
     def fitting(self, job: Job) -> int:
         """How many of them may render the job."""
-        every = sum(count for one, count in self._classes.items() if one.serves(class_of(job)))
+        wanted = class_of(job)
+        every = sum(count for one, count in self._classes.items() if one.serves(wanted))
         return every - self.left_out(job)
 
     def left_out(self, job: Job) -> int:
         """How many others could, but are left out of it for a while."""
+        wanted = class_of(job)
         return sum(
-            job.id in worker.left_out_of and _class_of(worker).serves(class_of(job))
+            job.id in worker.left_out_of and _class_of(worker).serves(wanted)
             for worker in self._workers
         )
 

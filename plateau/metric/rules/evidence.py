@@ -168,8 +168,9 @@ class Evidence:
         sizes = SMALL_ROUNDS if self.error is None else LARGE_ROUNDS
         if quality_target is not None and self._has_quality:
             if self.error is not None:
-                quality = QualityModel(model, self.metric.view).quality
-                model = model if quality.low_jod < quality_target else self.error.greatest
+                likely = self._quality_model
+                assert likely is not None  # as there is a model, of an image that has a quality
+                model = model if likely.quality.low_jod < quality_target else self.error.greatest
             return plan_by_quality(
                 model,
                 self.metric.view,
