@@ -50,7 +50,7 @@ class EventHub:
         """
         stream, block_ms = keys.job(job_id, "events"), round(idle_s * 1000)
         while not self._closing:
-            read = asyncio.ensure_future(self._redis.xread({stream: after}, block=block_ms))
+            read = asyncio.ensure_future(self._entries(stream, after, block_ms))
             self._reads.add(read)
             try:
                 await asyncio.wait([read])
@@ -71,6 +71,10 @@ class EventHub:
             after = batch[-1].id if batch else after
             if any(one.type == "finished" for one in batch):
                 return
+
+    async def _entries(self, stream: str, after: str, block_ms: int) -> Any:
+        # xread's coroutine holds another, which a task cancelled before its start never awaits
+        return await self._redis.xread({stream: after}, block=block_ms)
 
     def stop_watching(self) -> None:
         """End every stream of events, so that a stopping server need not wait for them."""

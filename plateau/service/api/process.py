@@ -137,7 +137,7 @@ def run(
         ssl_keyfile=None if tls is None else str(tls.private_key),
     )
     url = url_of(listener, "http" if tls is None else "https")
-    _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+    Server(config, hub, lambda: ready(url)).run(sockets=[listener])
 
 
 def spool_in(folder: Path) -> None:
@@ -213,7 +213,7 @@ def url_of(listener: socket.socket, scheme: str = "http") -> str:
     return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
 
-class _Server(uvicorn.Server):
+class Server(uvicorn.Server):
     """Says when it answers, and ends the streams of events before it waits for its clients."""
 
     def __init__(self, config: uvicorn.Config, hub: EventHub, ready: Callable[[], None]) -> None:
@@ -222,11 +222,13 @@ class _Server(uvicorn.Server):
         self._ready = ready
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start as uvicorn does, and say so."""
         # The first request may come before the first tick, which adds the date.
         self.server_state.default_headers = self.config.encoded_headers
         await super().startup(sockets)
         self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the streams, and then stop as uvicorn does."""
         self._hub.stop_watching()
         await super().shutdown(sockets)

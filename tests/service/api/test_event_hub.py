@@ -62,3 +62,13 @@ def test_a_quiet_job_says_that_it_is_there(redis_url: str, client: redis.Redis) 
         assert [len(batch) for batch in rest if batch] == [1]
 
     with_hub(redis_url, story)
+
+
+def test_a_watcher_is_told_to_stop_before_it_has_asked(redis_url: str) -> None:
+    async def story(hub: EventHub) -> None:
+        watching = asyncio.create_task(all_of(hub))
+        await asyncio.sleep(0)  # its question to Redis is due next
+        hub.stop_watching()
+        assert await watching == []
+
+    with_hub(redis_url, story)

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import httpx
-import uvicorn
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
@@ -15,7 +14,7 @@ from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.event_hub import EventHub
 from plateau.service.api.http.server import server_config
-from plateau.service.api.process import listen, url_of
+from plateau.service.api.process import Server, listen, url_of
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 from plateau.service.notices.targets import Targets
@@ -40,7 +39,6 @@ def live_api(
     Requests that are under way by then have `grace_s` seconds left.
     """
     listener = listen("127.0.0.1", port)
-    url = url_of(listener)
     hub = EventHub(redis_url)
     app = create_app(
         client=connect(redis_url),
@@ -52,16 +50,14 @@ def live_api(
         targets=targets,
         placing=placing,
     )
-    config = server_config(app, grace_s=grace_s, log_level="critical")
-    server = uvicorn.Server(config)
+    server = Server(server_config(app, grace_s=grace_s, log_level="critical"), hub, lambda: None)
     # The socket listens before the loop runs: whoever connects now waits a moment.
     listener.listen()
     thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
     try:
-        yield url
+        yield url_of(listener)
     finally:
-        hub.stop_watching()
         server.should_exit = True
         thread.join(60)
         listener.close()
