@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.support.film import JUDGING, OTHERS, Film, modelled, spread
-from bench.support.recordings import RECORDED, SCENES, parser_of, recorded, recordings_row
+from bench.support.recordings import PAPER, RECORDED, SCENES, parser_of, recorded, recordings_row
 from bench.support.report import last_tables, write_report
 from bench.support.truth import Truth
-from plateau.metric import Evidence, Mask, View, Visible, VisibleDifferences
+from plateau.metric import Evidence, Mask, Visible, VisibleDifferences
 from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
@@ -92,7 +92,7 @@ def main() -> None:
     asked = parser_of(__doc__).parse_args()
     for name in asked.cases:
         truth = Truth(
-            CompiledVisibleDifferences(View()), recorded(SCENES[name], asked), asked.slice_spp
+            CompiledVisibleDifferences(PAPER), recorded(SCENES[name], asked), asked.slice_spp
         )
         column = {"way": f"{name}, {asked.pixels} px", **cells(measured(truth, asked.runs))}
         known = {row[0]: row for row in last_tables("allocation")["allocation"]}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bench.support.recordings import (
     HARD,
+    PAPER,
     RECORDED,
     SCENES,
     guides_of,
@@ -29,7 +30,6 @@ from plateau.metric import (
     Evidence,
     Half,
     Image,
-    View,
     Visible,
     VisibleDifferences,
     allowed_pixels,
@@ -182,8 +182,9 @@ def points(
         step=4 * slice_spp,
         max_spp=len(recording) // 8 * 4 * slice_spp,
         denoise={"name": "oidn"},
+        rule={"name": "visible"},
     )
-    plan, metric = Plan.of(spec), CompiledVisibleDifferences(View())
+    plan, metric = Plan.of(spec), CompiledVisibleDifferences(PAPER)
     total, sums = recording.sum(axis=0, dtype=np.float64), np.zeros((4, *recording.shape[1:]))
     row: list[Point] = []
     between = plan

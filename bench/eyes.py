@@ -4,7 +4,7 @@ From recordings of slices, as those of `bench.allocation`:
 
 - how much the estimate of `plateau.metric.quality` says is lost, in JOD, over what is lost against
   the rest of the recording, whose own noise the estimate is given too;
-- at how many samples two pixels in ten thousand are visibly wrong under the default view, where
+- at how many samples two pixels in ten thousand are visibly wrong under the paper's view, where
   the rule `visible` stops, and the quality of that image under each view;
 - how many samples each view needs for 9 and for 9.5 JOD.
 
@@ -12,12 +12,13 @@ The last two are by the noise of the whole recording, scaled.
 """
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.support.recordings import RECORDED, SCENES, parser_of, recorded, recordings_row
+from bench.support.recordings import PAPER, RECORDED, SCENES, parser_of, recorded, recordings_row
 from bench.support.report import Table, write_report
 from bench.support.truth import Truth, crossing
 from plateau.metric import Half, View, Visible, allowed_pixels
@@ -27,11 +28,11 @@ from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import BEST_JOD, QualityModel, display_of
 
-#: Pixels per degree, by the name of the view.
+#: The paper's screen, which the image fills, and pixel by pixel at two distances.
 VIEWS: Final = {
-    "the default view": None,
-    "20 pixels per degree": 20.0,
-    "40 pixels per degree": 40.0,
+    "the paper's view": PAPER,
+    "20 pixels per degree": replace(PAPER, field_of_view_deg=None, pixels_per_degree=20.0),
+    "40 pixels per degree": replace(PAPER, field_of_view_deg=None, pixels_per_degree=40.0),
 }
 TARGETS: Final = (9.0, 9.5)
 #: Images of so many samples are judged, if the recording has four times as many.
@@ -63,11 +64,10 @@ def tables(
 ) -> dict[str, Table]:
     """Return the tables of one recording."""
     pixels = recording.shape[1] * recording.shape[2]
-    truth = Truth(CompiledVisibleDifferences(View()), recording, slice_spp)
+    truth = Truth(CompiledVisibleDifferences(PAPER), recording, slice_spp)
     stop = truth.spp_at(allowed_pixels(Visible().target, pixels), 1000.0)
     at_stop, needs, estimated = [], [], []
-    for name, density in VIEWS.items():
-        view = View(pixels_per_degree=density)
+    for name, view in VIEWS.items():
         lost = Lost(truth, view)
         needed = [
             crossing(lambda spp: lost.at(1000 * spp), BEST_JOD - target) * 1000  # noqa: B023

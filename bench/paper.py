@@ -41,7 +41,7 @@ def main() -> None:
         notes=[
             f"True: at most {TARGET:.1%} of the pixels differ visibly from the reference.",
             "The reference has noise of its own, so true is later than by a converged image.",
-            "Every rule judges the same slices, at the default view and with its defaults.",
+            "Every rule judges the same slices, under the paper's view and with its defaults.",
             "No rule ends a series: each continues to the cap.",
         ],
         document="paper.md",

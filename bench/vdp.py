@@ -18,8 +18,9 @@ from typing import Any, Final
 import numpy as np
 
 from bench.support.processes import cpu_s
+from bench.support.recordings import PAPER
 from bench.support.report import write_report
-from plateau.metric import Image, Mask, Percept, View, VisibleDifferences
+from plateau.metric import Image, Mask, Percept, VisibleDifferences
 from plateau.metric.csf import contrast_sensitivity, luminance_threshold, masking
 from plateau.metric.vdp import BANDS, COLOUR_LUMINANCE, ELEVATION_MAX, ELEVATION_MIN, FLOOR
 
@@ -78,8 +79,8 @@ def _ours(reference: Any, test: Any) -> dict[str, Callable[[], float]]:
     """Return our three ways, warmed up and checked against each other."""
     from plateau.metric.compiled import CompiledVisibleDifferences
 
-    plain, lazy = PlainPredictor(View()), VisibleDifferences(View())
-    compiled = CompiledVisibleDifferences(View())
+    plain, lazy = PlainPredictor(PAPER), VisibleDifferences(PAPER)
+    compiled = CompiledVisibleDifferences(PAPER)
     prepared, kept = lazy.percept(reference), compiled.percept(reference)
     kept.keep()
 

@@ -25,15 +25,17 @@ if TYPE_CHECKING:
 #: The entry point group of rules.
 GROUP: Final = "plateau.rules"
 #: The rule of a job that names none.
-DEFAULT: Final = "visible"
+DEFAULT: Final = "jod"
 #: The rule that computes the curve of every job, whichever rule ends it.
 CURVE: Final = "reverse"
+#: The rule to whose target the noise left is forecast where no rule of the job has one.
+NOISE: Final = "visible"
 
 #: The highest spp that a job or a rule may have.
 MOST_SPP: Final = 1_000_000
 #: The paper's image size, for which its thresholds and slopes in pixels hold.
 PAPER_PIXELS: Final = 512 * 512
-#: The default rule ends no job at an earlier evaluation, and has no forecast until the first.
+#: Rules that wait for little noise, or for a quality, end no job at an earlier evaluation.
 _EVALUATIONS_BEFORE_AN_END: Final = 2
 
 _Number = TypeVar("_Number", int, float)
@@ -195,7 +197,7 @@ class StoppingRule:
 
         `step` is the spp between two evaluations.
         """
-        if self.noise_target is None:
+        if self.noise_target is None and not self.by_quality:
             return self.expected_end_spp(None)
         return max(_EVALUATIONS_BEFORE_AN_END * step, self.least_spp)
 
@@ -235,7 +237,7 @@ def rules() -> "Mapping[str, type[StoppingRule]]":
             raise ImportError(f"the rule {entry.name} ({entry.value}) calls itself {rule.name}")
         if found.setdefault(rule.name, rule) is not rule:
             raise ImportError(f"two rules are called {rule.name}; uninstall one of them")
-    if DEFAULT not in found or CURVE not in found:
+    if not {DEFAULT, CURVE, NOISE} <= found.keys():
         raise ImportError("Plateau's own rules are not installed: install the package again")
     return MappingProxyType(dict(sorted(found.items(), key=lambda one: (one[1].order, one[0]))))
 

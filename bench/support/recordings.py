@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 
 from bench import ROOT
 from plateau import scenes
+from plateau.farm.model.spec import PLACES, ViewSpec
+from plateau.metric import View
 
+#: The paper's, under which the model of 2004 and the rules for it are measured.
+PAPER: Final = View(**ViewSpec(**PLACES["paper"]).of_display())
 HARD_SCENES: Final = Path(__file__).parent / "scenes"
 _GUIDE_SPP: Final = 64
 

@@ -25,7 +25,7 @@ import numpy as np
 from bench import ROOT
 from bench.support.other_rules import CyclesAdaptive, CyclesThreshold, LuxCoreHalt
 from bench.support.processes import render
-from bench.support.recordings import Case, cases
+from bench.support.recordings import PAPER, Case, cases
 from bench.support.report import RESULTS
 from plateau import scenes
 from plateau.farm.images.exr import Pixels, decode_image, decode_partial
@@ -240,7 +240,7 @@ def whole_image_rules(view: View) -> dict[str, tuple[int, Callable[[Evidence], b
 
 def measure(renders: Rendered) -> Series:
     """Judge a series from its first slice to its last."""
-    metric = CompiledVisibleDifferences(View())
+    metric = CompiledVisibleDifferences(PAPER)
     reference = metric.percept(decode_image(renders.reference.read_bytes()))
     found = Series(renders.case.name, renders.size.pixels, renders.size.cap)
     rules, adaptive = whole_image_rules(metric.view), CyclesAdaptive()

@@ -3,6 +3,7 @@
 import contextlib
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -25,10 +26,8 @@ def denoise(
         list[Path], typer.Argument(help="Two EXR files or more, of as many samples each.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", help="File to write.")],
-    field_of_view: Annotated[
-        float, typer.Option(help="Angle that the image's width covers, in degrees.")
-    ] = 45.0,
-    white_luminance: Annotated[float, typer.Option(help="White of the display in cd/m².")] = 100.0,
+    field_of_view: o.FieldOfView = None,
+    white_luminance: o.WhiteLuminance = None,
     exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
     as_json: o.Json = False,
 ) -> None:
@@ -58,9 +57,12 @@ def denoise(
     if not oidn.is_installed():
         raise CommandFailed(oidn.MISSING)
     try:
-        shown = View(
-            field_of_view_deg=field_of_view, white_luminance=white_luminance, exposure_ev=exposure
-        )
+        view: dict[str, Any] = {
+            "field_of_view_deg": field_of_view,
+            "white_luminance": white_luminance,
+        }
+        given = {name: value for name, value in view.items() if value is not None}
+        shown = replace(View(exposure_ev=exposure), **given)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     try:

@@ -25,8 +25,8 @@ def diff(
     pixels_per_degree: Annotated[
         float | None,
         typer.Option(
-            help="Pixels in a degree at the image's centre, in place of the angle.",
-            show_default="none",
+            help="Pixels in a degree at the image's centre.",
+            show_default="20",
         ),
     ] = None,
     seen: o.Seen = None,
@@ -102,9 +102,11 @@ def diff(
         "white_luminance": white_luminance,
     }
     view |= {name: value for name, value in given.items() if value is not None}
+    if pixels_per_degree is not None:
+        view["field_of_view_deg"] = None  # of the place
     try:
         shown = _made(View, view)
-        if view.get("pixels_per_degree") and field_of_view:
+        if field_of_view and (seen or pixels_per_degree):
             raise CannotCompare(
                 "give --seen or --pixels-per-degree, or --field-of-view: both say at which angle a "
                 "pixel is seen"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Options that say how to render.
 _RENDERING = (
-    *("define", "time_limit", "seed", "variant", "sensor", "keep_slices"),
+    *("define", "time_limit", "seed", "variant", "sensor", "keep_slices", "allocation"),
     *("aov", "exr_precision", "exr_compression", "denoise"),
 )
 

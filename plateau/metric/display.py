@@ -78,7 +78,9 @@ LAB_A, LAB_B = 500, 200
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """How an image is shown and seen: the screen, and the angle that the image fills.
+    """How an image is shown and seen: the screen, and how far away it is.
+
+    By default it is a desk monitor, seen at 200 %, which puts 20 pixels in a degree.
 
     Raises
     ------
@@ -89,16 +91,16 @@ class View:
     #: Exposure in stops: displayed light is the image times 2 to this power.
     exposure_ev: float = bounded(0.0, -EXPOSURE_LIMIT_EV, EXPOSURE_LIMIT_EV)
     #: Luminance of the screen's white in cd/m².
-    white_luminance: float = bounded(100.0, 0.01, BRIGHTEST_WHITE)
+    white_luminance: float = bounded(200.0, 0.01, BRIGHTEST_WHITE)
     #: The screen's white over its black in a dark room. This and the light of the room are for
     #: ColorVideoVDP; the model of 2004 knows neither.
     contrast: float = bounded(1000.0, 2.0, 1e9)
     #: Light that falls on the screen, in lux.
-    ambient_lux: float = bounded(64.0, 0.0, BRIGHTEST_ROOM_LUX)
-    #: Horizontal angle that the image fills, in degrees.
-    field_of_view_deg: float = bounded(45.0, *FIELDS_OF_VIEW_DEG)
-    #: Pixels in a degree at the image's centre, which give the angle in place of the field of view.
-    pixels_per_degree: float | None = bounded_if_given(*PIXELS_PER_DEGREE)
+    ambient_lux: float = bounded(250.0, 0.0, BRIGHTEST_ROOM_LUX)
+    #: Pixels in a degree at the image's centre.
+    pixels_per_degree: float = bounded(20.0, *PIXELS_PER_DEGREE)
+    #: Horizontal angle that the image fills, in degrees: in place of pixels per degree, if given.
+    field_of_view_deg: float | None = bounded_if_given(*FIELDS_OF_VIEW_DEG)
     #: The primaries of the screen and of the image's channels.
     primaries: Primaries = "rec709"
     #: Exponent from the image's values to linear light, above 0: 1 for rendered radiance.
@@ -117,7 +119,7 @@ class View:
     def width_deg(self, width: int) -> float:
         """Return a width in degrees on a flat screen, each as at its centre: 2 tan(a/2) 180/π.
 
-        `width` is that of the image, in pixels. It counts where the view has pixels per degree.
+        `width` is that of the image, in pixels. It counts where the view has no field of view.
 
         Examples
         --------
@@ -126,7 +128,7 @@ class View:
         >>> View(pixels_per_degree=40).width_deg(1920)
         48.0
         """
-        if self.pixels_per_degree is not None:
+        if self.field_of_view_deg is None:
             return width / self.pixels_per_degree
         return math.degrees(2 * math.tan(math.radians(self.field_of_view_deg) / 2))
 

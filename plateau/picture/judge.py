@@ -36,7 +36,7 @@ from plateau.picture.point import (
     of_merge,
 )
 from plateau.picture.result_files import NoiseMaps, flaw_of
-from plateau.rules import CURVE, DEFAULT
+from plateau.rules import CURVE, NOISE
 
 
 def warm_up() -> None:
@@ -56,7 +56,7 @@ def warm_up() -> None:
 
 
 #: Rules that every job's judge evaluates, so that a continuation has their memory.
-REMEMBERED_ANYWAY: Final = (CURVE, DEFAULT)
+REMEMBERED_ANYWAY: Final = (CURVE, NOISE)
 
 #: By what the noise left may be greater in a draft of an image than in the image itself.
 _DRAFT_MARGIN: Final = 1.25
@@ -98,7 +98,7 @@ class Judge:
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
         self._focus = spec.view.focus
-        self._target = spec.noise_target or create_rule(DEFAULT).noise_target
+        self._target = spec.noise_target or create_rule(NOISE).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
                 self._rules[name] = create_rule(name)

@@ -23,6 +23,7 @@ from plateau.farm.images.exr import Pixels, decode_header, decode_image, decode_
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.parts import FrameAllocation
 from plateau.picture.independence import Independence
 from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
@@ -140,7 +141,8 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     BrokenSeries
         Too many of its pixels are NaN or infinite, as would fail a job.
     """
-    judge, merge = Judge(spec), replace(Merge.of(spec), slice_spp=series.spp)
+    whole = spec.model_copy(update={"allocation": FrameAllocation()})  # as each image is
+    judge, merge = Judge(spec), replace(Merge.of(whole), slice_spp=series.spp)
     if series.partials:
         merge.transform = decode_partial(series.files[0].read_bytes()).transform
     points: list[CurvePoint] = []

@@ -51,18 +51,22 @@ Url = Annotated[
 ]
 FieldOfView = Annotated[
     float | None,
-    typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
+    typer.Option(
+        help="Angle that the image's width covers, in degrees, in place of pixels per degree.",
+        show_default="none",
+    ),
 ]
 WhiteLuminance = Annotated[
-    float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
+    float | None, typer.Option(help="White of the display in cd/m².", show_default="200")
 ]
 Seen = Annotated[
     str | None,
     typer.Option(
         metavar="PLACE",
-        help="Where the image is seen, pixel by pixel: desk, phone or cinema. Sets pixels per "
-        "degree, white, contrast and light on the display; the options of these count before it.",
-        show_default="none",
+        help="Where the image is seen: screen (a desk monitor at 200 %); desk, phone or cinema, "
+        "pixel by pixel; or paper (45° of a screen). Sets pixels per degree, white, contrast and "
+        "light on the display; the options of these count before it.",
+        show_default="screen",
         autocompletion=complete.places,
     ),
 ]

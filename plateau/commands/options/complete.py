@@ -79,11 +79,19 @@ def aovs(incomplete: str) -> Offered:
 
 
 def places(incomplete: str) -> Offered:
-    """Where an image is seen, with the pixels in a degree there."""
-    from plateau.farm.model.spec import PLACES
+    """Where an image is seen."""
+    from plateau.farm.model.spec import PLACES, ViewSpec
+
+    named = [(name, ViewSpec(**view).words) for name, view in PLACES.items()]
+    return [(name, words) for name, words in named if name.startswith(incomplete)]
+
+
+def presets(incomplete: str) -> Offered:
+    """The presets, with the options that they stand for."""
+    from plateau.commands.options.spec_fields import PRESETS
 
     return [
-        (name, f"{view['pixels_per_degree']:g} pixels per degree")
-        for name, view in PLACES.items()
+        (name, " ".join(f"--{option} {value}" for option, value in options.items()))
+        for name, options in PRESETS.items()
         if name.startswith(incomplete)
     ]

@@ -20,6 +20,8 @@ _VIEW: Final = {
     "exposure": "exposure_ev",
     "field_of_view": "field_of_view_deg",
 }
+#: By name: the options that --preset stands for.
+PRESETS: Final = {"paper": {"rule": "reverse", "allocation": "frame", "seen": "paper"}}
 _EXR: Final = {"exr_precision": "precision", "exr_compression": "compression"}
 
 
@@ -29,11 +31,16 @@ def spec_fields(**options: Any) -> dict[str, Any]:
     seen = given.pop("seen", None)
     if "field_of_view" in given and (seen is not None or "pixels_per_degree" in given):
         raise typer.BadParameter("--field-of-view stands for pixels per degree: give one of them")
+    if (preset := given.pop("preset", None)) is not None:
+        if preset not in PRESETS:
+            raise typer.BadParameter(f"--preset takes {', '.join(PRESETS)}, not {preset!r}")
+        given = {**PRESETS[preset], **given}
+        seen = given.pop("seen") if seen is None else seen
     view = view_of_place(seen) | _taken(given, _VIEW)
     if "focus" in view:
         view["focus"] = _focus(view["focus"])
-    if "field_of_view_deg" in view:
-        view["pixels_per_degree"] = None  # which a job that is judged again may have
+    if options.get("pixels_per_degree") is not None:
+        view["field_of_view_deg"] = None  # which a job that is judged again may have, or the place
     exr = _taken(given, _EXR)
     fields = {_FIELDS.get(name, name): value for name, value in given.items()}
     return fields | ({"view": view} if view else {}) | ({"exr": exr} if exr else {})
@@ -71,7 +78,7 @@ def view_of_place(name: str | None) -> dict[str, Any]:
         return {}
     if name not in PLACES:
         raise typer.BadParameter(f"--seen takes one of {', '.join(PLACES)}, not {name!r}")
-    return dict(PLACES[name])
+    return {"field_of_view_deg": None, **PLACES[name]}
 
 
 def _focus(path: Path) -> list[list[float]]:

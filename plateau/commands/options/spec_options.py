@@ -50,21 +50,31 @@ def spec_from_options(
             show_default="none",
         ),
     ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Several options at once: paper for the method of Takouachet et al., which is "
+            "--rule reverse --allocation frame --seen paper. Options beside it count before it.",
+            show_default="none",
+            autocompletion=complete.presets,
+        ),
+    ] = None,
     rule: Annotated[
         str | None,
         typer.Option(
-            help="Rule that ends the job, with its parameters as in "
-            "visible:target=0.001,min_spp=300.",
-            show_default="visible",
+            help="Rule that ends the job, with its parameters as in jod:target=9.8,min_spp=300.",
+            show_default="jod",
             autocompletion=complete.rules,
         ),
     ] = None,
     allocation: Annotated[
         str | None,
         typer.Option(
-            help="Where samples go: frame, or zones, in which more is left to see; zones:size=32 "
-            "for others than 16 pixels.",
-            show_default="frame",
+            help="Where samples go: frame; zones, in which more is left to see, zones:size=32 for "
+            "others than 16 pixels; or auto: zones where the rule is jod, the variant has them and "
+            "no slice is kept, else the frame.",
+            show_default="auto",
         ),
     ] = None,
     denoise: Annotated[
@@ -80,6 +90,7 @@ def spec_from_options(
         typer.Option(
             help="Another rule, which is reported and ends nothing; written the same way; "
             "repeatable.",
+            show_default="reverse",
             autocompletion=complete.rules,
         ),
     ] = None,
@@ -129,14 +140,14 @@ def spec_from_options(
     ] = None,
     ambient_lux: Annotated[
         float | None,
-        typer.Option(help="Light on the display in lux; for the rule jod.", show_default="64"),
+        typer.Option(help="Light on the display in lux; for the rule jod.", show_default="250"),
     ] = None,
     field_of_view: FieldOfView = None,
     pixels_per_degree: Annotated[
         float | None,
         typer.Option(
-            help="Pixels in a degree at the image's centre, in place of --field-of-view.",
-            show_default="none",
+            help="Pixels in a degree at the image's centre.",
+            show_default="20",
         ),
     ] = None,
     seen: Seen = None,

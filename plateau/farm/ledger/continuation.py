@@ -166,7 +166,7 @@ def _taken_rounds(job: Job, remains: Remains, spec: JobSpec) -> tuple[DecidedRou
         return ()
     whole = replace(had, max_spp=spec.max_spp).rounds(remains.slices)
     decided = [one for one in had.decided if one.slices]
-    plan = Plan.of(spec, job.width, job.height)
+    plan = Plan.of(spec.settled(job.variant or spec.variant), job.width, job.height)
     wanted = max(0, whole - LAG) if remains.kept else whole
     like = Round(0, plan.step_slices, plan.slice_spp, None, plan.pixels)
     for one in [*decided[:wanted], *[None] * (wanted - len(decided))]:
@@ -187,16 +187,24 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
     denoising with a name replaces the whole of it. The shot, the notice and the jobs that it came
-    after are not inherited.
+    after are not inherited; nor is a watched rule that now ends the job, nor a field of view where
+    pixels per degree are given.
     """
     with suppress(KeyError, ValueError):  # what is no NAME=VALUE is refused with the whole spec
         changes = {**changes, "parameters": texts.parameters(changes["parameters"])}
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
+    view = changes.get("view")
+    if isinstance(view, dict) and "pixels_per_degree" in view and "field_of_view_deg" not in view:
+        merged["view"].pop("field_of_view_deg", None)
     for field in ("rule", "allocation", "denoise"):
         given = changes.get(field)
         if isinstance(given, dict) and "name" in given:
             merged[field] = given
+    if "watch" not in changes and "rule" in changes:
+        ends = changes["rule"]
+        name = ends.get("name") if isinstance(ends, dict) else str(ends).partition(":")[0]
+        merged["watch"] = [one for one in had["watch"] if one["name"] != name]
     return merged
 
 
@@ -231,6 +239,7 @@ def lost_by(job: Job, remains: Remains | None, spec: JobSpec) -> str | None:
         return NONE_LEFT
     if spec.after:  # a job that continues another renders at once
         return "after"
+    spec = spec.settled(job.variant or spec.variant)
     for name in _SAMPLING:
         if getattr(spec, name) != getattr(job.spec, name):
             return name

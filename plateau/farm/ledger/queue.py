@@ -133,7 +133,7 @@ class SliceQueue:
             index=found.index,
             tries=found.tries,
             variant=found.variant,
-            spec=stored_spec(found.spec),
+            spec=stored_spec(found.spec).settled(found.variant),
             scene_sha256=found.scene,
             round=None if found.round is None else Round.from_json(found.round),
         )

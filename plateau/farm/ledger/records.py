@@ -13,6 +13,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import Again, CurvePoint, Event, Job, Notice, moment
+from plateau.farm.model.renderers import AUTO
 from plateau.farm.model.shot import FrameAnswer, FrameOfShot, FrameWait
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.spec.notice import NoticeSpec
@@ -105,7 +106,9 @@ def job(job_id: str, fields: Mapping[str, str], sealed: Mapping[str, str]) -> Jo
 
 
 def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
-    spec, state = _spec(fields), JobState(fields["state"])
+    asked, state = _spec(fields), JobState(fields["state"])
+    variant = fields.get("variant", asked.variant)
+    spec = asked if variant == AUTO else asked.settled(variant)
     ended_by: EndedBy | None = fields.get("ended_by")  # type: ignore[assignment]  # pydantic checks
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
@@ -131,6 +134,7 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         ended_by=ended_by,
         failed_slice=int(fields["failed_slice"]) if "failed_slice" in fields else None,
         spec=spec,
+        frames_because=None if spec is asked else spec.frames_because(variant),
         scene_sha256=fields["scene_sha256"],
         variant=fields.get("variant"),
         width=int(width) if width else None,

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.shot import FrameOfShot
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.parts import FramesBecause
 from plateau.farm.model.states import EndedBy, JobState
 
 
@@ -141,6 +142,12 @@ class Job(_Record):
         None, description="the slice that could not be rendered, where that failed the job"
     )
     spec: JobSpec
+    frames_because: FramesBecause | None = Field(
+        None,
+        description="why the allocation `auto` became frame: the rule does not go by the quality, "
+        "the job is of a shot or keeps its slices, or the variant has no zones. Null where it "
+        "became zones, is not decided yet, or was asked for by name",
+    )
     scene_sha256: str
     variant: str | None = Field(description="the variant, pinned by the first lease")
     width: int | None = Field(description="film width in pixels")

@@ -18,9 +18,9 @@ SPEC: Final[dict[str, Any]] = {
     "step": 100,
     "slice_spp": 25,
     "max_spp": 2000,
-    "rule": {"name": "visible", "target": 0.0002},
+    "rule": {"name": "jod", "target": 9.5},
     "watch": [{"name": "reverse", "window": 5, "epsilon": 0.1}],
-    "view": {"exposure_ev": 0, "white_luminance": 100, "field_of_view_deg": 45},
+    "view": {"exposure_ev": 0, "white_luminance": 200, "pixels_per_degree": 20},
     "parameters": {"width": 256, "height": 256},
 }
 
@@ -65,7 +65,7 @@ POINT: Final[dict[str, Any]] = {
     "non_finite_pixels": 0,
     "at": _AT,
     "rules": {
-        "visible": {"value": 0.0014724731, "stop": False},
+        "jod": {"value": 9.21, "stop": False},
         "reverse": {"value": 0.42, "stop": False},
     },
 }
@@ -73,9 +73,9 @@ POINT: Final[dict[str, Any]] = {
 CURVE_CSV: Final = (
     "spp,visible_pixels,visible_fraction,slope,estimate_pixels,estimate_fraction,"
     "estimate_low_pixels,estimate_high_pixels,forecast_spp,forecast_low_spp,forecast_high_spp,"
-    "expected_spp,non_finite_pixels,at,reverse_value,reverse_stop,visible_value,visible_stop\n"
+    "expected_spp,non_finite_pixels,at,jod_value,jod_stop,reverse_value,reverse_stop\n"
     "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,1000,1700,1300,0,"
-    "2026-11-21T08:12:12.826000+00:00,0.42,false,0.0014724731,false\n"
+    "2026-11-21T08:12:12.826000+00:00,9.21,false,0.42,false\n"
 )
 
 EVENT_STREAM: Final = (
@@ -212,6 +212,9 @@ JOB: Final[dict[str, Any]] = {
     "waits_for": None,
     "queue_place": None,
     "time_left": "about 15 s left",
+    "sampled": "by zones",
+    "seen": "on a desk monitor at 200 %",
+    "seen_density": 20.0,
     "fitting_workers": 3,
     "created_at": _CREATED,
     "started_at": _STARTED,

@@ -158,7 +158,7 @@ def summary(job: JobView, now: datetime) -> str:
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
         image = f"{job.width}×{job.height}, {job.variant}, {job.title}{denoised}"
-        rows.append(("image", image))
+        rows += [("image", image), ("judged", f"as seen {job.seen}; samples {job.sampled}")]
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough
         saved = f"{share(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"

@@ -43,6 +43,17 @@ class JobView(Job):
         description="a queued job's place, or the time that one still needs, in words; empty where "
         "it is not known"
     )
+    sampled: str = Field(
+        description="where its samples go, in words, and why not to zones where `auto` is the frame"
+    )
+    seen: str = Field(
+        description="where the image is judged as seen, in words: `spec.view` for people"
+    )
+    seen_density: float | None = Field(
+        None,
+        description="pixels in a degree at the centre of the image, as it is judged; null before "
+        "its size is known",
+    )
     fitting_workers: int | None = Field(
         None,
         description="how many living workers can render it; null for a job that has ended, and in "
@@ -286,8 +297,27 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         **queued,
         title=" ".join((job.name, *values)),
         time_left=_time_left(job, queued.get("queue_place")),
+        sampled=_sampled(job),
+        seen=job.spec.view.words,
+        seen_density=job.spec.view.density(job.width) if job.width else None,
         links=links,
     )
+
+
+#: Why `auto` is the frame.
+_FRAMES: Final = {
+    "rule": "the rule does not go by the quality",
+    "shot": "it is a frame of a shot",
+    "keep_slices": "it keeps its slices",
+    "variant": "its variant renders no zones",
+}
+
+
+def _sampled(job: Job) -> str:
+    if job.spec.by_zones:
+        return "by zones"
+    why = "" if job.frames_because is None else f", as {_FRAMES[job.frames_because]}"
+    return f"all over the frame{why}"
 
 
 def _time_left(job: Job, queue_place: int | None) -> str:

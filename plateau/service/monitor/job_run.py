@@ -14,6 +14,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.fit import Crew
+from plateau.farm.model.job import Job
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
@@ -55,22 +56,28 @@ class JobRun:
         self._jobs = jobs
         self._owners = owners
         self._blobs = store
+        self._keeps_sums = keeps_sums
         job = jobs.get(owned.job_id)
         self._image = JobImage(job.id, is_denoised=job.spec.is_denoised, denoising=denoising)
         self._judge = Judge(job.spec)
         self._point: dict[str, Any] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._decided: Round | None = None  # by the image that was judged last
-        self._films = Films(owned, owners, ahead.series(), job.spec)
+        self._series = ahead.series()
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
+        self._begin(job)
+
+    def _begin(self, job: Job) -> None:
+        """Begin with what is left of the job; anew once its variant has decided the allocation."""
+        self._films = Films(self.owned, self._owners, self._series, job.spec)
         self._merge = self._checkpoints.recover(job.spec, self._judge)
         recovered = self._merge.slices
         self._known = Known(
             job=job,
-            plan=jobs.plan(job),
+            plan=self._jobs.plan(job),
             ahead=LookAhead.of(job),
-            keeps_sums=keeps_sums,
+            keeps_sums=self._keeps_sums,
             merged=recovered,
             judged=recovered,
             saved=recovered,
@@ -90,6 +97,8 @@ class JobRun:
         later, and `CorruptPartial` or `ValueError` if a slice can never be merged.
         """
         job = self._jobs.get(self.owned.job_id)
+        if job.spec.allocation != self._known.job.spec.allocation:
+            self._begin(job)
         self._known = self._known.turn(job, enough(crew.fitting(job)), time.monotonic())
         try:
             while not isinstance(step := next_step(self._known), steps.Wait):

@@ -19,7 +19,7 @@ from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
-from plateau.farm.model.spec.shared import FilmTooSmall
+from plateau.farm.model.spec.shared import UnfitFilm
 from plateau.farm.process import log
 from plateau.farm.process.child import HANGS
 from plateau.farm.process.hang import Hang
@@ -179,7 +179,7 @@ class Supervisor:
         except Cancelled:
             why = _STOPS if self._stop.is_set() else "it was cancelled"
             self._reports.hand_back(lease, why, self._tried(started))
-        except (SceneError, BundleError, SeedsExhausted, FilmTooSmall) as error:
+        except (SceneError, BundleError, SeedsExhausted, UnfitFilm) as error:
             tried = self._tried(started)
             if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
                 self._reports.fail(lease, str(error), tried)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.slices.looks import Looks
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from plateau.farm.model.spec import SharedSpec
+
+#: Those of `auto`: until it is decided, no more is planned than both ways begin with.
+_ZONES: Final = ZonesAllocation()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +69,8 @@ class Plan:
 
         `looks` are the points of a denoised image: their spp, and where they expect the job to end.
         """
-        size = spec.allocation.size if isinstance(spec.allocation, ZonesAllocation) else None
+        zones = spec.allocation if isinstance(spec.allocation, ZonesAllocation) else _ZONES
+        size = zones.size if spec.by_zones else None
         whole = spec.max_spp - spec.max_spp % spec.slice_spp
         return cls(
             slice_spp=spec.slice_spp,

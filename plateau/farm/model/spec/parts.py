@@ -6,7 +6,7 @@ from pydantic import Field
 
 from plateau.farm.model.spec.rule_model import Strict
 
-#: Zones begin at multiples of this many pixels.
+#: Zones begin at multiples of this many pixels, and are as large by default.
 _ALIGNMENT: Final = 16
 #: The first rounds, which are steps of whole films: the image of round k decides round k + LAG.
 LAG: Final = 2
@@ -23,7 +23,7 @@ class ZonesAllocation(Strict):
 
     name: Literal["zones"] = "zones"
     size: int = Field(
-        default=16,
+        default=_ALIGNMENT,
         ge=_ALIGNMENT,
         le=1024,
         multiple_of=_ALIGNMENT,
@@ -31,7 +31,18 @@ class ZonesAllocation(Strict):
     )
 
 
-AllocationSpec = Annotated[FrameAllocation | ZonesAllocation, Field(discriminator="name")]
+class AutoAllocation(Strict):
+    """Zones where the job can have them, else the frame: the job shows which, and why."""
+
+    name: Literal["auto"] = "auto"
+
+
+AllocationSpec = Annotated[
+    AutoAllocation | FrameAllocation | ZonesAllocation, Field(discriminator="name")
+]
+
+#: Why an allocation `auto` became frame, as `SharedSpec.frames_because` says it.
+FramesBecause = Literal["rule", "shot", "keep_slices", "variant"]
 
 
 class NoDenoising(Strict):

@@ -1,7 +1,7 @@
 """How an image is sampled, judged and stopped, whatever the parameters of its scene are."""
 
 import json
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
@@ -14,19 +14,24 @@ from plateau.farm.model.spec import texts
 from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.spec.parts import (
     AllocationSpec,
+    AutoAllocation,
     DenoiseSpec,
     ExrSpec,
     FrameAllocation,
+    FramesBecause,
     NoDenoising,
     OidnDenoising,
     ShotSpec,
+    ZonesAllocation,
 )
 from plateau.farm.model.spec.rule_model import Strict
-from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
-from plateau.farm.model.spec.view import FROM_PLACE, ViewSpec
-from plateau.rules import MOST_SPP
+from plateau.farm.model.spec.rule_specs import JodSpec, ReverseSpec, RuleSpec
+from plateau.farm.model.spec.view import DENSITIES, FROM_PLACE, ViewSpec
+from plateau.rules import CURVE, MOST_SPP
 
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
+
+_Spec = TypeVar("_Spec", bound="SharedSpec")
 
 
 def _known_variant(name: str, *more: str) -> str:
@@ -78,8 +83,18 @@ After = Annotated[
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 
 
-class FilmTooSmall(ValueError):
-    """A rule of the job cannot judge so small an image."""
+class UnfitFilm(ValueError):
+    """A rule of the job cannot judge an image of this size, under the job's view."""
+
+
+def _watched(fields: dict[str, Any]) -> tuple[RuleSpec, ...]:
+    """The rules that a job watches if it names none: the paper's, unless that ends it.
+
+    The paper's compares images in equal steps, which denoised ones have not.
+    """
+    rule, denoise = fields.get("rule"), fields.get("denoise")
+    is_alone = rule is None or rule.name == CURVE or not isinstance(denoise, NoDenoising)
+    return () if is_alone else (ReverseSpec(),)
 
 
 class SharedSpec(Strict):
@@ -152,12 +167,12 @@ class SharedSpec(Strict):
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: Annotated[RuleSpec, texts.NAMED] = Field(
-        default_factory=VisibleSpec, description="the rule that ends the job"
+        default_factory=JodSpec, description="the rule that ends the job"
     )
     allocation: Annotated[AllocationSpec, texts.NAMED] = Field(
-        default_factory=FrameAllocation,
+        default_factory=AutoAllocation,
         description="where samples go: all over the frame, or to the zones in which more is left "
-        "to see",
+        "to see. A job whose first slice is being rendered shows what `auto` became",
     )
     denoise: Annotated[DenoiseSpec, texts.NAMED] = Field(
         default_factory=NoDenoising,
@@ -165,9 +180,10 @@ class SharedSpec(Strict):
         "has points at growing distances",
     )
     watch: Annotated[tuple[Annotated[RuleSpec, texts.NAMED], ...], texts.LIST] = Field(
-        default=(),
+        default_factory=_watched,
         max_length=16,
-        description="rules that are evaluated and reported, and stop nothing",
+        description="rules that are evaluated and reported, and stop nothing; by default `reverse` "
+        "(Takouachet's), unless it ends the job or the image is denoised",
     )
     view: Annotated[ViewSpec, FROM_PLACE] = Field(
         default_factory=ViewSpec, description="how the image is viewed"
@@ -185,10 +201,8 @@ class SharedSpec(Strict):
             raise ValueError(
                 f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
             )
-        if self.by_zones:
+        if isinstance(self.allocation, ZonesAllocation):
             self._check_zones()
-        if self.shot is not None:
-            self._check_shot()
         chosen_by_noise = self.by_zones and self.rule.behaviour.quality_target is None
         if self.view.focus is not None and self.noise_target is None and not chosen_by_noise:
             raise ValueError(
@@ -207,9 +221,7 @@ class SharedSpec(Strict):
                 f"{variant} renders whole films alone: choose the allocation frame, or "
                 "another variant"
             )
-
-    def _check_shot(self) -> None:
-        if self.by_zones:
+        if self.shot is not None:
             raise ValueError(
                 "zones have samples where a still shows noise, and not where a shot does: choose "
                 "the allocation frame, or no shot"
@@ -217,8 +229,34 @@ class SharedSpec(Strict):
 
     @property
     def by_zones(self) -> bool:
-        """Whether its samples are allocated by zones."""
-        return self.allocation.name == "zones"
+        """Whether its samples are allocated by zones; of `auto`, whether they may be."""
+        if isinstance(self.allocation, AutoAllocation):
+            return self.frames_because(self.variant) is None
+        return isinstance(self.allocation, ZonesAllocation)
+
+    def frames_because(self, variant: str) -> FramesBecause | None:
+        """Why `auto` is the frame on this variant; None where it is zones.
+
+        The reason is the rule, where it does not go by the quality, for which alone zones lose
+        nothing; the shot; the kept slices, which may be compared in a study or judged with another
+        step; or the variant, which has no zones. `auto` may have them: its first worker decides.
+        """
+        if self.rule.behaviour.quality_target is None:
+            return "rule"
+        if self.shot is not None:
+            return "shot"
+        if self.keep_slices:
+            return "keep_slices"
+        has_zones = variant == renderers.AUTO or renderers.variant_named(variant).renders_zones
+        return None if has_zones else "variant"
+
+    def settled(self: _Spec, variant: str) -> _Spec:
+        """The spec on this variant: what `auto` is there takes its place."""
+        if not isinstance(self.allocation, AutoAllocation):
+            return self
+        is_frame = self.frames_because(variant) is not None
+        settled = FrameAllocation() if is_frame else ZonesAllocation()
+        return self.model_copy(update={"allocation": settled})
 
     @property
     def is_denoised(self) -> bool:
@@ -248,14 +286,23 @@ class SharedSpec(Strict):
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
 
     def require_size(self, width: int, height: int) -> None:
-        """Raise `FilmTooSmall` where one of its rules cannot judge an image of this size."""
+        """Raise `UnfitFilm` where its rules cannot judge an image of this size, or so seen."""
         for rule in (self.rule, *self.watch):
             least = rule.behaviour.least_side
             if min(width, height) < least:
-                raise FilmTooSmall(
+                raise UnfitFilm(
                     f"the rule {rule.name} judges images of {least}×{least} pixels or more, and "
-                    f"this one has {width}×{height}: make the film larger, or name another rule"
+                    f"this one has {width}×{height}: make the film larger, or name another rule, "
+                    "such as visible"
                 )
+        density = self.view.density(width)
+        coarsest, finest = DENSITIES
+        if self.by_quality and not coarsest <= density <= finest:
+            raise UnfitFilm(
+                f"an image {width} pixels wide that fills {self.view.field_of_view_deg:g}° has "
+                f"{density:,.3g} pixels in a degree, and the model of vision behind jod knows "
+                f"{coarsest:g} to {finest:,g}: change field_of_view_deg, or give pixels_per_degree"
+            )
 
     def as_request(self) -> str:
         """The spec as JSON, the notice's secret included: never to be stored, nor shown.
@@ -266,7 +313,8 @@ class SharedSpec(Strict):
         asked = {
             name
             for name, field in type(self).model_fields.items()
-            if getattr(self, name) != field.get_default(call_default_factory=True)
+            if getattr(self, name)
+            != field.get_default(call_default_factory=True, validated_data=self.__dict__)
         }
         document = self.model_dump(mode="json", include=asked)
         if self.notice.secret is not None:

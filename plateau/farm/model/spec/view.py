@@ -1,5 +1,6 @@
 """How a job's image is looked at: a part of its spec."""
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
@@ -8,6 +9,9 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.texts import COLOUR, LISTED
+
+#: Pixels in a degree: from pixels that are ten degrees wide to those that no eye resolves.
+DENSITIES: Final = (0.1, 1000.0)
 
 #: The most rows and columns of a focus: some degrees each, as fine as an eye's own.
 MOST_FOCUS: Final = 32
@@ -36,11 +40,18 @@ Focus = Annotated[
 ]
 
 
-#: Where people look at images of any size, pixel by pixel: fields of a view by the place's name.
-#: A monitor of 24 inches at 60 cm; a phone of 6 inches at 40 cm; a film of 1080 lines from three
-#: times its height (SMPTE RP 431-2 for white and contrast).
+#: Where people look at images: fields of a view by the place's name. A monitor of 24 inches at
+#: 60 cm, at 200 % and pixel by pixel; a phone of 6 inches at 40 cm; a film of 1080 lines from three
+#: times its height (SMPTE RP 431-2 for white and contrast); and the screen of Takouachet's paper,
+#: which the image fills, whatever its size.
 PLACES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {
+        "screen": {
+            "pixels_per_degree": 20,
+            "white_luminance": 200,
+            "contrast": 1000,
+            "ambient_lux": 250,
+        },
         "desk": {
             "pixels_per_degree": 38,
             "white_luminance": 200,
@@ -59,8 +70,24 @@ PLACES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
             "contrast": 2000,
             "ambient_lux": 0,
         },
+        "paper": {
+            "field_of_view_deg": 45,
+            "white_luminance": 100,
+            "contrast": 1000,
+            "ambient_lux": 64,
+        },
     }
 )
+
+
+#: The same for people.
+_WORDS: Final = {
+    "screen": "on a desk monitor at 200 %",
+    "desk": "on a desk monitor, pixel by pixel",
+    "phone": "on a phone, pixel by pixel",
+    "cinema": "in a cinema, pixel by pixel",
+    "paper": "on the paper's screen, of which it fills 45°",
+}
 
 
 class ViewSpec(Strict):
@@ -75,7 +102,7 @@ class ViewSpec(Strict):
         default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"
     )
     white_luminance: float = Field(
-        default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
+        default=200.0, ge=0.01, le=20_000, description="display white in cd/m²"
     )
     contrast: float = Field(
         default=1000.0,
@@ -85,20 +112,21 @@ class ViewSpec(Strict):
         "model of the other rules does not know it",
     )
     ambient_lux: float = Field(
-        default=64.0, ge=0, le=100_000, description="light that falls on the display, for `jod`"
+        default=250.0, ge=0, le=100_000, description="light that falls on the display, for `jod`"
     )
-    field_of_view_deg: float = Field(
-        default=45.0,
+    pixels_per_degree: float = Field(
+        default=20.0,
+        ge=DENSITIES[0],
+        le=DENSITIES[1],
+        description="pixels in a degree at the image's centre: about 40 on a desk, where an image "
+        "of any size is seen pixel by pixel, and 20 there at 200 %",
+    )
+    field_of_view_deg: float | None = Field(
+        default=None,
         ge=0.0001,
         le=179.9,
-        description="angle under which the image's width is seen, in degrees",
-    )
-    pixels_per_degree: float | None = Field(
-        default=None,
-        ge=0.1,
-        le=1000,
-        description="pixels in a degree at the image's centre, in place of `field_of_view_deg`: "
-        "about 40 on a desk, where an image of any size is seen pixel by pixel",
+        description="angle under which the image's width is seen, in degrees; where it is given, "
+        "it counts in place of `pixels_per_degree`",
     )
     primaries: Literal["rec709", "adobe1998"] = Field(
         default="rec709", description="the display's RGB primaries"
@@ -113,6 +141,28 @@ class ViewSpec(Strict):
         description="where people look: rows of weights, stretched over the image; a visible pixel "
         "counts by its weight in the noise that is left, so that more may be left where it is low",
     )
+
+    def density(self, width: int) -> float:
+        """Pixels in a degree at the centre of an image of this width, as of a flat screen."""
+        if self.field_of_view_deg is None:
+            return self.pixels_per_degree
+        return width / math.degrees(2 * math.tan(math.radians(self.field_of_view_deg) / 2))
+
+    @property
+    def words(self) -> str:
+        """Where the image is seen, for people: ``on a desk monitor at 200 %``."""
+        given = self.of_display()
+        for name, place in PLACES.items():
+            here = {"field_of_view_deg": None, **place}
+            if all(given[field] == value for field, value in here.items()):
+                return _WORDS[name]
+        angle = f"at {self.pixels_per_degree:g} pixels per degree"
+        if self.field_of_view_deg is not None:
+            angle = f"filling {self.field_of_view_deg:g}°"
+        return (
+            f"{angle}, on a display of {self.white_luminance:g} cd/m² and "
+            f"{self.contrast:,g}:1 under {self.ambient_lux:g} lux"
+        )
 
     def of_display(self) -> dict[str, Any]:
         """What `plateau.metric.View` takes: the display and the distance."""

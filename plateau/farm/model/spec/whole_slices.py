@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from plateau.farm.model.spec.parts import LAG
+from plateau.farm.model.spec.parts import LAG, ZonesAllocation
 from plateau.farm.model.spec.shared import SharedSpec
 from plateau.rules import MOST_SPP
 
@@ -56,7 +56,8 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
     whole = _Whole(
         of_step=_QUARTERS if spec.by_zones else least,
         of_cap=least,
-        first_rounds=LAG if spec.by_zones else None,
+        # `auto` may become frame.
+        first_rounds=LAG if isinstance(spec.allocation, ZonesAllocation) else None,
     )
     step, size, cap = (whole.keeping if keep_slices else whole.fit)(
         spec.step, spec.slice_spp, spec.max_spp

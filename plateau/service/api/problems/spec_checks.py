@@ -9,7 +9,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
 from plateau.farm.model.spec.parts import LEAST_SIDE
-from plateau.farm.model.spec.shared import FilmTooSmall
+from plateau.farm.model.spec.shared import UnfitFilm
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
 from plateau.service.notices.receivers import ReceiverRefused, Receivers
@@ -59,7 +59,7 @@ def check_size(spec: JobSpec, width: int | None, height: int | None, field: str 
         variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
         # Where the size is not known, the seeds do not depend on it.
         spec.seed_schedule(variant, width or 1, height or 1)
-    except (FilmTooSmall, SeedsExhausted) as error:
+    except (UnfitFilm, SeedsExhausted) as error:
         raise Problem(problems.UNFIT_FILM, field=field, error=error) from error
 
 

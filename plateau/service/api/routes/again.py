@@ -53,9 +53,9 @@ Changes = Annotated[
         description="the fields of the spec that change: a JSON merge patch (RFC 7396), except "
         "that a `rule` with a `name` replaces the old one whole",
         openapi_examples={
-            "a stricter target": {"value": {"rule": {"target": 0.0001}}},
+            "a stricter target": {"value": {"rule": {"target": 9.7}}},
             "a higher cap": {"value": {"max_spp": 20_000}},
-            "another view": {"value": {"view": {"field_of_view_deg": 20}}},
+            "another view": {"value": {"view": {"pixels_per_degree": 13}}},
             "other samples": {"value": {"seed": 1}},
         },
     ),

@@ -91,6 +91,8 @@ export function open(main, { id, signal, go }) {
     setText(about, [
       job.width && `${job.width} × ${job.height}`,
       job.variant,
+      `samples ${job.sampled}`,
+      `judged as seen ${job.seen}`,
       job.spec.batch && `batch ${job.spec.batch}`,
       job.owner_name && `by ${job.owner_name}`,
       deletedSince(job),

@@ -22,7 +22,7 @@ export function inWords(state, count = 1) {
  * @param {Api.JobView} job
  * @param {{ withParameters: boolean }} options
  */
-export function asked({ spec, width, height }, { withParameters }) {
+export function asked({ spec, width, height, frames_because: because }, { withParameters }) {
   // The size of the image is said already.
   const given = Object.entries(spec.parameters).filter(([name, value]) =>
     !(name === "width" && Number(value) === width) && !(name === "height" && Number(value) === height));
@@ -30,8 +30,8 @@ export function asked({ spec, width, height }, { withParameters }) {
     width && `${width} × ${height}`,
     ...(withParameters ? given.map(([name, value]) => `${name} ${value}`) : []),
     spec.sensor && `sensor ${spec.sensor}`,
-    spec.rule.name !== "visible" && `rule ${spec.rule.name}`,
-    spec.allocation.name === "zones" && "by zones",
+    !ruleNamed(spec.rule.name)?.default && `rule ${spec.rule.name}`,
+    spec.allocation.name === "frame" && !because && "by frames",
     spec.view.focus && "by a focus",
     spec.denoise.name !== "none" && "denoised",
   ].filter(Boolean);

@@ -9,16 +9,20 @@ import { Alternatives } from "./alternatives.js";
 import { presets } from "./presets.js";
 
 /** @type {Record<string, string>} */
-const TITLES = { desk: "on a desk", phone: "on a phone", cinema: "in a cinema" };
+const TITLES = {
+  screen: "on a desk at 200 %", desk: "on a desk", phone: "on a phone", cinema: "in a cinema", paper: "as in the paper",
+};
 
 export class SpecForm {
   #rule = new Alternatives("rule", "The rule that ends it",
     RULES.map((rule) => ({ ...rule, isRare: !rule.featured })), RULES.find((rule) => rule.default)?.name);
   #allocation = new Alternatives("allocation", "Where its samples go", [
+    { name: "auto", title: "By itself",
+      help: "To zones where the rule is jod, the renderer has them and no slice is kept; else all over the frame." },
     { name: "frame", title: "All over the frame", help: "Every pixel has the same samples." },
     { name: "zones", title: "To the zones that need them", fields: ZONES,
       help: "From the third step on, each step goes to the zones in which more is left to see." },
-  ], "frame");
+  ], "auto");
   #denoise = new Alternatives("denoise", "Whether it is denoised", [
     { name: "none", title: "No", help: "The image is the mean of its samples." },
     { name: "oidn", title: "By Open Image Denoise", fields: DENOISER,
@@ -34,8 +38,8 @@ export class SpecForm {
   #kept = {};
   /** @type {Partial<Api.JobSpec["view"]>} */
   #keptView = {};
-  /** @type {Api.JobSpec["watch"]} */
-  #watched = [];
+  /** Of a filled in spec. @type {Api.JobSpec["watch"] | null} */
+  #watched = null;
   elements;
   #details;
 
@@ -43,7 +47,7 @@ export class SpecForm {
     const part = (/** @type {string} */ legend, /** @type {(Element | Element[])[]} */ ...inside) => h("fieldset", {}, h("legend", {}, legend), ...inside);
     const group = (/** @type {Element[]} */ ...fields) => h("div", { class: "fields" }, fields);
     this.elements = [
-      part("When is it done?", presets((rule) => this.#rule.fill(rule)), this.#rule.element),
+      part("When is it done?", presets((one) => this.#take(one)), this.#rule.element),
       part("Where do its samples go?", this.#allocation.element),
       part("Is it denoised?", this.#denoise.element),
       part("How is it viewed?", this.#places(), group(...this.#view.elements)),
@@ -55,13 +59,25 @@ export class SpecForm {
     ];
   }
 
-  /** A button for each place where images are seen pixel by pixel, which fills in the view there. */
+  /** A button for each place where images are seen, which fills in the view there. */
   #places() {
-    return h("p", { class: "places", role: "group", "aria-label": "Places" }, "Pixel by pixel ",
-      Object.entries(PLACES).map(([name, view]) => h("button", { type: "button", onclick: () => {
-        this.#view.fill({ ...this.#view.values(), ...view });
-        say(`The view below is that of a ${name}.`);
+    return h("p", { class: "places", role: "group", "aria-label": "Places" }, "Seen ",
+      Object.keys(PLACES).map((name) => h("button", { type: "button", onclick: () => {
+        this.#see(name);
+        say(`The view below is ${TITLES[name] ?? name}.`);
       } }, TITLES[name] ?? name)));
+  }
+
+  /** @param {string} place */
+  #see(place) {
+    this.#view.fill({ ...this.#view.values(), field_of_view_deg: null, ...PLACES[place] });
+  }
+
+  /** @param {{ rule: { name: string }, allocation: string, place: string }} preset */
+  #take({ rule, allocation, place }) {
+    this.#rule.fill(rule);
+    this.#allocation.fill({ name: allocation });
+    this.#see(place);
   }
 
   /**
@@ -97,10 +113,12 @@ export class SpecForm {
   /** The spec, without parameters. A rule that a filled in spec watches keeps its parameters. */
   values() {
     const { watch, ...more } = this.#more.values();
+    const rule = this.#rule.values();
+    const watched = [watch ?? []].flat().map((name) => this.#watched?.find((one) => one.name === name) ?? { name });
     return {
       ...this.#kept, ...this.#limits.values(), ...more, ...this.#workers.values(),
-      ...this.#allocation.values(), ...this.#denoise.values(), ...this.#rule.values(),
-      watch: [watch ?? []].flat().map((name) => this.#watched.find((one) => one.name === name) ?? { name }),
+      ...this.#allocation.values(), ...this.#denoise.values(), ...rule,
+      ...(watch || this.#watched ? { watch: watched } : {}),
       view: { ...this.#keptView, ...this.#view.values() }, notice: this.#notice.values(), exr: this.#exr.values(),
     };
   }

@@ -6,6 +6,7 @@ import { several, whole } from "../../shared/figures.js";
 import { isByQuality, zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
 import { Picture } from "../../shared/picture.js";
+import { PLACES } from "../../shared/spec_fields.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { Exposure } from "./exposure.js";
 import { ScaleBar } from "./scales.js";
@@ -67,6 +68,7 @@ export class Viewer {
   #stage = new Stage([this.#lower.element, this.#upper.element], {
     wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
     flip: () => this.#mode === "compare" && this.#compare.flip(),
+    sized: (shown) => { this.#shown = shown; this.#warn(); },
   });
   /** The mode whose picture is in the upper layer. */
   #aboveOf = "";
@@ -74,6 +76,9 @@ export class Viewer {
   #busy = false;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
+  #larger = h("p", { class: "caption", role: "status" });
+  /** Pixels of the display across a pixel of the image. */
+  #shown = 0;
   #compare;
   #exposure = new Exposure(() => { this.#layers(); this.#words(); });
   #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
@@ -93,7 +98,7 @@ export class Viewer {
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"),
         h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()])),
-      this.#nothing, this.#stage.element, this.#caption, this.#compare.element, this.#map, this.#exposure.element);
+      this.#nothing, this.#stage.element, this.#caption, this.#larger, this.#compare.element, this.#map, this.#exposure.element);
     this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
       for (const { picture } of [this.#lower, this.#upper]) picture.letGo();
@@ -201,15 +206,30 @@ export class Viewer {
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
+  /** Says if the image is shown larger than it is judged, on a desk, and how to have it judged so. */
+  #warn() {
+    const { id, seen = "", seen_density: judged } = this.#job ?? {};
+    const here = (PLACES.desk?.pixels_per_degree ?? Infinity) / this.#shown;
+    const isLarger = this.#shown > 0 && judged != null && here * LARGER < judged;
+    setText(this.#larger, isLarger
+      ? `Shown larger than it is judged (${seen}), so more noise may be seen. What it needs at this size, on a desk: `
+        + `plateau again ${id} --pixels-per-degree ${Number(here.toPrecision(2))}`
+      : "");
+  }
+
   #words() {
     const [job, mode] = [this.#job, this.#mode];
     if (!job) return;
     const exposed = this.#exposure.filter === "none" ? "as its display shows it" : "at another exposure";
     const said = mode === "compare" ? this.#compare.caption() : MAPS[mode]?.words(job) ?? exposed;
     const spp = this.#lower.picture.spp && mode !== "compare" ? `${whole(this.#lower.picture.spp)} spp` : "";
+    this.#warn();
     setText(this.#caption, [job.width ? `${job.width} × ${job.height}` : "", spp, said].filter(Boolean).join(" · "));
   }
 }
+
+/** A little larger than judged is not worth a word: a desk at 200 % has 19 pixels in a degree, and not 20. */
+const LARGER = 1.1;
 
 /** One of the two pictures. */
 function layer() {

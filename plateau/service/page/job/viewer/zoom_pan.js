@@ -4,8 +4,9 @@ import { h, signButton } from "../../shared/dom.js";
 
 /** @typedef {{ x: number, y: number }} Place  in shares of the frame */
 /**
- * What a stage tells: the pointer's share of the width while it wipes, and the key that flips.
- * @typedef {{ wipe: (share: number) => void, flip: () => void }} Listener
+ * What a stage tells: the pointer's share of the width while it wipes, the key that flips, and how many pixels of
+ * the display a pixel of the image is wide.
+ * @typedef {{ wipe: (share: number) => void, flip: () => void, sized: (shown: number) => void }} Listener
  */
 
 const MOST = 64;
@@ -102,6 +103,7 @@ export class Stage {
     const shown = (width * devicePixelRatio) / this.#size.width;
     this.#sheet.classList.toggle("crisp", shown >= 2 || Math.abs(shown - 1) < 1e-3);
     this.#zoomText.value = width ? `${Math.round(shown * 100)} %` : "";
+    this.#listener.sized(shown);
   }
 
   /** The scale at which a pixel of the image is one of the display. */
