@@ -148,7 +148,7 @@ def display_of(view: View, width: int) -> Display:
     >>> from plateau.metric import View
     >>> display = display_of(View(), 256)
     >>> round(display.pixels_per_degree, 2), display.peak, display.black
-    (5.39, 100.0, 0.1)
+    (20.0, 200.0, 0.2)
     """
     return Display(
         pixels_per_degree=min(max(width / view.width_deg(width), _COARSEST), _FINEST),

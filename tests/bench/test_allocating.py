@@ -6,8 +6,8 @@ import pytest
 from bench import allocation
 from bench.support.film import Film
 from bench.support.truth import Truth
-from plateau.metric import View
 from plateau.metric.compiled import CompiledVisibleDifferences
+from tests.support.images import PAPER
 
 SPP = 25
 
@@ -29,7 +29,7 @@ def test_a_film_has_the_samples_that_each_pixel_got(recording):
     film.add(everywhere, 100)
     film.add(corner, 200)
     assert film.mean_spp == pytest.approx(100 + 200 / 9)
-    image = film.evidence(CompiledVisibleDifferences(View())).image
+    image = film.evidence(CompiledVisibleDifferences(PAPER)).image
     assert image[0, 0] == pytest.approx(recording[:12, 0, 0].mean(axis=0), abs=1e-6)
     assert image[40, 40] == pytest.approx(recording[:4, 40, 40].mean(axis=0), abs=1e-6)
     film.add(corner, 10_000)
@@ -37,7 +37,7 @@ def test_a_film_has_the_samples_that_each_pixel_got(recording):
 
 
 def test_zones_end_sooner_than_frames(recording):
-    truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
+    truth = Truth(CompiledVisibleDifferences(PAPER), recording, SPP)
     found = allocation.measured(truth, runs=1)
     frames, zones = found[allocation.FRAMES], found["zones, 16 px"]
     assert zones[allocation.SPP] < 0.8 * frames[allocation.SPP]

@@ -9,7 +9,8 @@ from bench.support.other_rules import (
     LuxCoreHalt,
     cycles_error,
 )
-from plateau.metric import Image, View
+from plateau.metric import Image
+from tests.support.images import PAPER
 
 
 def grey(value: float, *, size: int = 4) -> Image:
@@ -50,7 +51,7 @@ class TestLuxCoresRule:
     def test_ends_where_no_pixel_changed_by_more_than_the_threshold(
         self, images: tuple[Image, ...], stops: bool
     ) -> None:
-        rule = LuxCoreHalt(View())
+        rule = LuxCoreHalt(PAPER)
         ended = [rule.stops(100 + 50 * number, one) for number, one in enumerate(images)]
         assert ended == [*[False] * (len(images) - 1), stops]
 

@@ -9,10 +9,11 @@ from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels, estimate_from
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality_allocation import plan_by_quality
+from tests.support.images import PAPER
 
-METRIC = CompiledVisibleDifferences(View())
+METRIC = CompiledVisibleDifferences(PAPER)
 GREY, SIZE = np.float32(0.4), 16
-TARGET, QUALITY, NEAR = 0.0005, 9.9, View(pixels_per_degree=20.0)
+TARGET, QUALITY, NEAR = 0.0005, 9.9, View(white_luminance=100, ambient_lux=64)
 EITHER = pytest.mark.parametrize("target", [TARGET, QUALITY], ids=["noise", "quality"])
 
 

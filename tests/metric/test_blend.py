@@ -18,7 +18,7 @@ from plateau.metric import (
 )
 from plateau.metric.denoise import smoothed
 
-VIEW = View(field_of_view_deg=20)
+VIEW = View(field_of_view_deg=20, white_luminance=100)
 SIZE = 128
 SPP = 32  # of a half
 

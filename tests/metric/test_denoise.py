@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Half, View, VisibleDifferences
+from plateau.metric import Half, VisibleDifferences
 from plateau.metric.denoise import denoised
 from plateau.metric.noise_model import noise_model
+from tests.support.images import PAPER
 
 GREY = np.full((96, 96, 3), 0.5, np.float32)
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 
 
 def noise(seed, sigma, shape=GREY.shape):

@@ -5,6 +5,7 @@ import pytest
 
 from plateau.metric import View, encode_srgb
 from plateau.metric.display import as_image, displayed, finite_pixels, opponent_chroma, tristimulus
+from tests.support.images import PAPER
 
 
 def pixel(*channels):
@@ -47,7 +48,7 @@ class TestDisplayed:
         np.testing.assert_allclose(shown, pixel(0.1, 0.2, 0.4) * 2**ev, rtol=1e-6)
 
     def test_the_screen_clips_at_black_and_white(self):
-        shown = displayed(pixel(-1, 1.5, np.inf), View())
+        shown = displayed(pixel(-1, 1.5, np.inf), PAPER)
         assert shown.ravel().tolist() == [0, 1, 1]
 
     def test_a_value_too_large_to_expose_is_white(self):

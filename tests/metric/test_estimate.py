@@ -7,9 +7,10 @@ grey masks nothing, so that noise which masks itself would show.
 import numpy as np
 import pytest
 
-from plateau.metric import Half, View, VisibleDifferences, half_buffer_estimate
+from plateau.metric import Half, VisibleDifferences, half_buffer_estimate
+from tests.support.images import PAPER
 
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 TRUTH = np.full((128, 128, 3), 0.35, np.float32)
 
 

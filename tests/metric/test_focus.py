@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, View, Visible, focus_plane
+from plateau.metric import Evidence, Half, Visible, focus_plane
 from plateau.metric.compiled import CompiledVisibleDifferences
+from tests.support.images import PAPER
 
-METRIC = CompiledVisibleDifferences(View())
+METRIC = CompiledVisibleDifferences(PAPER)
 GREY, SPP = np.float32(0.4), 400
 LEFT, RIGHT = [[1, 0]], [[0, 1]]
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from plateau.metric import View, VisibleDifferences
+from plateau.metric import VisibleDifferences
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.worker.renderers.analytic.picture import LIGHTS, NOISES
+from tests.support.images import PAPER
 
 SIZE, SEEDS = 48, 6
 #: Standard deviation of the noise as a share of the light, from hardly visible to plain.
@@ -16,7 +17,7 @@ LEVELS = [0.01 * 2**n for n in range(6)]
 @pytest.mark.parametrize("noise", ["gaussian", "heavy-tailed", "filtered"])
 @pytest.mark.parametrize("scene", LIGHTS)
 def test_more_noise_is_not_less_visible(scene, noise, predictor):
-    metric, light = predictor(View()), LIGHTS[scene](SIZE, SIZE)
+    metric, light = predictor(PAPER), LIGHTS[scene](SIZE, SIZE)
     reference = metric.percept(light)
     counts = []
     for level in LEVELS:

@@ -8,9 +8,10 @@ from plateau.metric.cvvdp import ColorVideoVDP, Display, mirrored, video_jod
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import display_of
 from plateau.metric.shots import ShotQuality, frame_weights, samples_needed, shot_quality
+from tests.support.images import PAPER
 
 EYE = ColorVideoVDP(Display(pixels_per_degree=20, peak=100, transfer="relative"))
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 FPS, FRAMES = 24, 10
 
 

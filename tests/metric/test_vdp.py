@@ -5,6 +5,7 @@ import pytest
 
 from plateau.metric import View, VisibleDifferences, visible_differences
 from plateau.metric.compiled import CompiledVisibleDifferences
+from tests.support.images import PAPER
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def test_in_the_dark_colour_is_not_judged(noise):
     # 7 EV down, the grey of 35 cd/m² is under 10 and only luminance counts.
     dark = View(exposure_ev=-7)
     dark_luminance_only = View(exposure_ev=-7, luminance_only=True)
-    assert visible_differences(*noise, View()).count > visible_differences(*noise, dark).count
+    assert visible_differences(*noise, PAPER).count > visible_differences(*noise, dark).count
     assert np.array_equal(
         visible_differences(*noise, dark).visible,
         visible_differences(*noise, dark_luminance_only).visible,
@@ -140,7 +141,7 @@ def test_the_width_in_degrees_is_that_of_a_flat_screen():
 
 @pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
 def test_pixels_per_degree_give_the_angle_of_an_image_of_any_width(predictor, noise):
-    by_pixels = predictor(View(field_of_view_deg=120, pixels_per_degree=noise[0].shape[1] / 16))
+    by_pixels = predictor(View(pixels_per_degree=noise[0].shape[1] / 16))
     by_angle = predictor(View(field_of_view_deg=math.degrees(2 * math.atan(math.radians(16) / 2))))
     seen, same, near = (
         metric.compare(*map(metric.percept, noise)).visible

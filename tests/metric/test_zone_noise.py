@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Half, View
+from plateau.metric import Half
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import estimate_from
 from plateau.metric.noise_model import noise_model
 from plateau.metric.zone_noise import GROWTH, zone_curves, zone_sums
+from tests.support.images import PAPER
 
-METRIC = CompiledVisibleDifferences(View())
+METRIC = CompiledVisibleDifferences(PAPER)
 GREY = np.float32(0.4)
 
 

@@ -26,6 +26,7 @@ from tests.service.monitor.test_channels import header
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.images import PAPER
 from tests.support.images.view_transforms import srgb_transform
 from tests.support.long_tests import rare
 from tests.support.until import until
@@ -265,7 +266,7 @@ def test_one_too_large_for_the_machine_fails_in_words(
 @pytest.mark.parametrize("size", [(1, 1), (2, 3)])
 def test_an_image_may_be_as_small_as_can_be(size: tuple[int, int]) -> None:
     image = np.full((*size, 3), 0.5, np.float32)
-    task = DenoisingTask(image, (Half(image, 1), Half(image, 1)), (image, image), View())
+    task = DenoisingTask(image, (Half(image, 1), Half(image, 1)), (image, image), PAPER)
     np.testing.assert_allclose(child.Denoiser().denoised(task).blend.image, image, atol=1e-3)
 
 
@@ -274,7 +275,7 @@ def test_what_was_denoised_before_is_not_denoised_again(monkeypatch: pytest.Monk
     rng, runs = np.random.default_rng(1), []
     images = 0.5 + 0.1 * rng.standard_normal((4, 16, 16, 3)).astype(np.float32)
     draft, before = (
-        DenoisingTask((one + other) / 2, (Half(one, 1), Half(other, 1)), (), View(), is_draft=True)
+        DenoisingTask((one + other) / 2, (Half(one, 1), Half(other, 1)), (), PAPER, is_draft=True)
         for one, other in (images[:2], images[2:])
     )
     task = replace(draft, is_draft=False)

@@ -225,7 +225,7 @@ def test_png_is_read_with_a_gamma_and_exr_is_linear(file):
 @pytest.mark.parametrize(
     "option",
     [
-        ("--field-of-view", "5"),
+        ("--field-of-view", "45"),
         ("--white-luminance", "1"),
         ("--gamma", "1"),
         ("--primaries", "adobe1998"),

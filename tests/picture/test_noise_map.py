@@ -10,9 +10,10 @@ from PIL import Image
 
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.metric import Evidence, Half, View, VisibleDifferences
+from plateau.metric import Evidence, Half, VisibleDifferences
 from tests.support.farms.finished_jobs import finished
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
+from tests.support.images import PAPER
 from tests.support.until import until
 
 #: The marks of pixels that differ visibly in two images with such noise, and in one.
@@ -49,7 +50,7 @@ def test_an_image_between_two_points_has_its_own(farm: NoiseFarm) -> None:
         spp=75,
         image=(first + second + third) / 3,
         halves=(Half((first + third) / 2, 50), Half(second, 25)),
-        metric=VisibleDifferences(View()),
+        metric=VisibleDifferences(PAPER),
     )
     assert evidence.estimate is not None
     assert left(farm, ended) == pytest.approx(evidence.estimate.pixels, abs=1)

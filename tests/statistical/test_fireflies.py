@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from bench.support.film import JUDGING, OTHERS, ROUND, modelled, spread
-from plateau.metric import Evidence, Half, View
+from plateau.metric import Evidence, Half
 from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
+from tests.support.images import PAPER
 
 GREY, SIDE, ZONE, TARGET, PILOT, RENDERS = 0.2, 64, 16, 0.001, 100, 4
 
@@ -25,7 +26,7 @@ def test_the_mean_has_the_light_of_fireflies(chance: float, bright: float) -> No
 
 def render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
     """Return the mean of each zone of a film that the allocator ended."""
-    rng, metric = np.random.default_rng(seed), CompiledVisibleDifferences(View())
+    rng, metric = np.random.default_rng(seed), CompiledVisibleDifferences(PAPER)
     sums = np.zeros((ROUND, SIDE, SIDE))
     spp = np.zeros((SIDE // ZONE, SIDE // ZONE), np.int64)
     flying = np.zeros_like(spp) + PILOT

@@ -85,6 +85,7 @@ class History:
 
     def create(self, a: int, b: int) -> None:
         spec = JobSpec(
+            allocation="frame",
             priority=a % 3 - 1,
             batch=(None, "one", "two:auto 0", None)[b % 4],
             variant=("auto", "scalar_rgb", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],

@@ -20,6 +20,7 @@ from plateau.farm.redis.commands.jobs import Continue, NewJob
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
+from tests.support import FRAMES
 from tests.support.redis.lost_answers import ABOUT, NOTICE, WORKER, commit
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
@@ -48,7 +49,7 @@ def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
 @pytest.fixture
 def job(login: Login) -> Ownership:
     """A job with slices to be rendered, and a notice."""
-    spec = JobSpec(step=100, slice_spp=50, notice=NOTICE)
+    spec = JobSpec(**FRAMES, step=100, slice_spp=50, notice=NOTICE)
     made = Jobs(login("api")).create(spec, name="box", scene_sha256="00").job
     owners = Ownerships(login("monitor"), 60)
     owned = owners.acquire(made.id)
@@ -168,7 +169,7 @@ def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     api_keys = ApiKeys(login("admin"))
     anna, bert = (api_keys.create(name, Role.SUBMITTER, limits)[0].id for name in ("anna", "bert"))
     jobs = Jobs(login("api"))
-    spec = JobSpec(step=100, slice_spp=50, batch="walk", notice=NOTICE)
+    spec = JobSpec(**FRAMES, step=100, slice_spp=50, batch="walk", notice=NOTICE)
     annas, nobodys = (
         jobs.create(spec, name="box", scene_sha256="00", owner=owner).job.id for owner in (anna, "")
     )

@@ -52,4 +52,4 @@ def test_the_values_of_a_rule_with_its_own_have_a_plot() -> None:
     assert "quality, in JOD" in drawing
     assert "target 9.5 JOD" in drawing
     assert drawing.count("<circle") == 3 + 2
-    assert "JOD" not in curve_svg(JobSpec(), 1000, points)
+    assert "JOD" not in curve_svg(JobSpec(rule="visible"), 1000, points)

@@ -10,6 +10,7 @@ from plateau.metric import View, VisibleDifferences
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.levels import SLICE
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from tests.support.images import PAPER
 
 #: The share of pixels in which the two may differ.
 TOLERANCE = 1e-4
@@ -48,7 +49,7 @@ def assert_equal(expected, found, tolerance=0.0):
 class TestBothSeeTheSame:
     @pytest.mark.parametrize("noise", [0.005, 0.02, 0.05, 0.2, 1.0])
     def test_on_weak_and_on_strong_noise(self, noise):
-        expected, found = judged_by_both(View(), *noisy_pair(400, 500, noise))
+        expected, found = judged_by_both(PAPER, *noisy_pair(400, 500, noise))
         assert 0 < expected.fraction < 1
         assert_equal(expected, found, TOLERANCE)
 
@@ -80,7 +81,7 @@ class TestBothSeeTheSame:
     @pytest.mark.parametrize("height", [1, 2, 3, 4, 5, 16])
     @pytest.mark.parametrize("width", [1, 2, 3, 4, 5, SLICE - 1, SLICE, SLICE + 1, 2 * SLICE + 1])
     def test_on_any_size(self, height, width):
-        assert_equal(*judged_by_both(View(), *noisy_pair(height, width, 0.1)))
+        assert_equal(*judged_by_both(PAPER, *noisy_pair(height, width, 0.1)))
 
     def test_on_radiance_beyond_what_float32_can_scale(self):
         extremes = np.float32([1e38, 3.4e38, -1e38, 1e-45, -0.0, 1.0])
@@ -94,8 +95,8 @@ class TestBothSeeTheSame:
         pair = [np.asarray(image, dtype, order=order) for image in noisy_pair(40, 50)]
         for image in pair:
             image.flags.writeable = False
-        assert_equal(*judged_by_both(View(), *pair))
-        assert_equal(*judged_by_both(View(), *(image[::2, ::-1] for image in pair)))
+        assert_equal(*judged_by_both(PAPER, *pair))
+        assert_equal(*judged_by_both(PAPER, *(image[::2, ::-1] for image in pair)))
 
 
 class TestNonFinitePixels:
@@ -117,7 +118,7 @@ class TestNonFinitePixels:
     def test_they_are_not_forgotten_when_the_percept_is_kept(self):
         reference, test = noisy_pair(50, 60)
         reference[3, 4] = np.nan
-        metric = CompiledVisibleDifferences(View())
+        metric = CompiledVisibleDifferences(PAPER)
         kept = metric.percept(reference)
         kept.keep()
         assert metric.compare(kept, metric.percept(test)).non_finite == 1
@@ -125,7 +126,7 @@ class TestNonFinitePixels:
 
 
 class TestPercepts:
-    @pytest.mark.parametrize("view", [View(), View(exposure_ev=-3, primaries="adobe1998")])
+    @pytest.mark.parametrize("view", [PAPER, View(exposure_ev=-3, primaries="adobe1998")])
     @pytest.mark.parametrize("shape", [(1, 1), (2, 7), (7, 2), (70, 300)])
     def test_their_levels_have_the_same_bits(self, view, shape):
         image, _ = noisy_pair(*shape)
@@ -143,7 +144,7 @@ class TestPercepts:
 
     def test_kept_and_streamed_ones_give_the_same_bits(self):
         reference, test = noisy_pair(90, 333)
-        metric = CompiledVisibleDifferences(View())
+        metric = CompiledVisibleDifferences(PAPER)
         maps = []
         for keep_reference in (False, True):
             for keep_test in (False, True):
@@ -158,7 +159,7 @@ class TestPercepts:
 
     def test_one_that_comes_up_often_is_kept_and_lets_go_of_its_image(self):
         reference, test = noisy_pair(20, 30)
-        metric = CompiledVisibleDifferences(View())
+        metric = CompiledVisibleDifferences(PAPER)
         percept = metric.percept(reference)
         for _ in range(COMPARISONS_BEFORE_KEEPING):
             expected = metric.compare(percept, metric.percept(test))
@@ -172,7 +173,7 @@ class TestPercepts:
         )
 
     def test_one_can_be_compared_with_itself(self):
-        metric = CompiledVisibleDifferences(View())
+        metric = CompiledVisibleDifferences(PAPER)
         percept = metric.percept(noisy_pair(20, 30)[0])
         for _ in range(COMPARISONS_BEFORE_KEEPING + 1):
             assert metric.compare(percept, percept).count == 0
@@ -187,7 +188,7 @@ class TestPercepts:
 
 @pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
 def test_what_cannot_be_compared_is_refused(predictor):
-    metric, far = predictor(View()), predictor(View(field_of_view_deg=20))
+    metric, far = predictor(PAPER), predictor(View(field_of_view_deg=20))
     image, tall = noisy_pair(4, 6)[0], noisy_pair(6, 4)[0]
     with pytest.raises(ValueError, match="6×4 and 4×6 pixels"):
         metric.compare(metric.percept(image), metric.percept(tall))
@@ -199,9 +200,9 @@ def test_what_cannot_be_compared_is_refused(predictor):
 
 def test_percepts_of_the_numpy_predictor_are_refused():
     image, _ = noisy_pair(4, 6)
-    metric = CompiledVisibleDifferences(View())
+    metric = CompiledVisibleDifferences(PAPER)
     with pytest.raises(TypeError, match="PreparedPercept"):
-        metric.compare(VisibleDifferences(View()).percept(image), metric.percept(image))
+        metric.compare(VisibleDifferences(PAPER).percept(image), metric.percept(image))
 
 
 def test_nothing_that_does_not_ask_for_it_waits_for_a_compiler():

@@ -8,11 +8,11 @@ from plateau.metric import (
     Multiple,
     Myszkowski,
     Successive,
-    View,
     VisibleDifferences,
 )
+from tests.support.images import PAPER
 
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 SIDE = 32
 
 

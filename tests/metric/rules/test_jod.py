@@ -10,10 +10,11 @@ from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import QualityModel, display_of
+from tests.support.images import PAPER
 
 SIDE = 64
 SIGMA = 0.6  #: standard deviation of one sample
-VIEW = View()
+VIEW = PAPER
 #: A grey that rises from left to right.
 RAMP = np.broadcast_to(np.linspace(0.1, 0.8, SIDE, dtype=np.float32)[:, None], (SIDE, SIDE, 3))
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from plateau.metric import Estimate, Evidence, View, VisibleDifferences, create_rule
+from plateau.metric import Estimate, Evidence, VisibleDifferences, create_rule
 from plateau.metric.rules.line import least_squares_slope
 from plateau.metric.vdp import Difference
+from tests.support.images import PAPER
 
 CURVES = Path(__file__).parents[2] / "reference" / "curves"
 #: Of every recorded image.
@@ -40,7 +41,7 @@ class Recorded(VisibleDifferences):
     """Answers with the counts that were recorded, by the spp of reference and test."""
 
     def __init__(self, counts, estimates=()):
-        super().__init__(View())
+        super().__init__(PAPER)
         self.counts, self.estimates = counts, dict(estimates)
 
     def percept(self, image):

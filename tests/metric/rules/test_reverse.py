@@ -7,10 +7,11 @@ no others, so any curve can be told as a story of images.
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Memory, Reverse, View, VisibleDifferences
+from plateau.metric import Evidence, Memory, Reverse, VisibleDifferences
 from plateau.metric.rules.line import least_squares_slope
+from tests.support.images import PAPER
 
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 SIDE = 64
 #: Where ε = 0.1 visible pixels per spp at SIDE × SIDE.
 EPSILON = 0.1 * (512 / SIDE) ** 2

@@ -6,10 +6,11 @@ from types import FunctionType, ModuleType
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, View, VisibleDifferences, create_rule
+from plateau.metric import Evidence, Half, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.rules.earlier import RuleOverEarlierImages
 from plateau.rules import rules
+from tests.support.images import PAPER
 
 SIDE = 96
 PIXELS = SIDE * SIDE
@@ -57,7 +58,7 @@ def stored_images(rule, evaluations):
 
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
 def test_its_memory_holds_as_many_images_as_it_says(make):
-    rule, metric = make(), VisibleDifferences(View())
+    rule, metric = make(), VisibleDifferences(PAPER)
     assert stored_images(rule, 0) == len(rule.memory().images) == 0
     for number in range(1, EVALUATIONS + 1):
         rule.judge(evidence(number, metric))
@@ -69,7 +70,7 @@ def test_its_memory_holds_as_many_images_as_it_says(make):
 @pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
 def test_and_its_process_no_more_than_these(make, predictor):
-    rule, metric = make(), predictor(View())
+    rule, metric = make(), predictor(PAPER)
     # `reverse` works its one image out once and for all.
     percept = PERCEPT if rule.name == "reverse" else 0
     for number in range(1, EVALUATIONS + 1):

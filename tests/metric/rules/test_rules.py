@@ -12,14 +12,14 @@ from plateau.metric import (
     Half,
     Memory,
     Reverse,
-    View,
     VisibleDifferences,
     create_rule,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.rules import rules
+from tests.support.images import PAPER
 
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 GREY = np.full((8, 8, 3), 0.35, np.float32)
 
 
@@ -96,7 +96,7 @@ class TestEveryRule:
 
     def test_what_it_remembers_does_not_change_with_the_monitors_own_image(self, name):
         # The compiled predictor reads an image when it is compared, and not before.
-        metric = CompiledVisibleDifferences(View())
+        metric = CompiledVisibleDifferences(PAPER)
         rng = np.random.default_rng(6)
         images = [GREY + rng.normal(0, 0.2 / n, GREY.shape).astype("f4") for n in range(1, 9)]
         verdicts = {}

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, View, Visible, VisibleDifferences
+from plateau.metric import Evidence, Half, Visible, VisibleDifferences
+from tests.support.images import PAPER
 
-METRIC = VisibleDifferences(View())
+METRIC = VisibleDifferences(PAPER)
 SIDE = 64
 GREY = 0.4
 SIGMA = 0.6  #: standard deviation of one sample

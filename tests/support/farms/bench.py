@@ -22,6 +22,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import VariantChoice, probe
+from tests.support import FRAMES
 
 
 @cache
@@ -61,7 +62,7 @@ class Bench:
         sha256 = hashlib.sha256(content).hexdigest()
         self.store.put(blobs.scene(sha256), content)
         job = self.jobs.create(
-            JobSpec.model_validate({"slice_spp": 5, "step": 10, **spec}),
+            JobSpec.model_validate({**FRAMES, "slice_spp": 5, "step": 10, **spec}),
             name="ball",
             scene_sha256=sha256,
         ).job

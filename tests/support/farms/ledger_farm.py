@@ -10,6 +10,7 @@ from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
+from tests.support import FRAMES
 
 LEASE_S = 60.0
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
@@ -27,7 +28,10 @@ class LedgerFarm:
         return SliceQueue(self.client, name, LEASE_S, **more)
 
     def job(self, slices: int = 4, owner: str = "", **spec: object) -> tuple[Job, Ownership]:
-        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00", owner=owner).job
+        made = self.jobs.create(
+            JobSpec(**FRAMES | spec), name="box", scene_sha256="00", owner=owner
+        )
+        job = made.job
         owned = self.owners.acquire(job.id)
         assert owned is not None
         self.owners.plan(owned, range(slices))

@@ -30,6 +30,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.service.monitor.monitor import Monitor
 from plateau.worker.renderers.analytic.picture import Picture
+from tests.support import FRAMES
 from tests.support.until import until
 
 SIZE = (24, 32)  # height, width
@@ -84,7 +85,9 @@ class NoiseFarm:
         self.blind = False  #: whether its worker is older than AOVs
 
     def submit(self, name: str = "noise", **spec: object) -> Job:
-        return self.jobs.create(JobSpec.model_validate(spec), name=name, scene_sha256="00").job
+        return self.jobs.create(
+            JobSpec.model_validate(FRAMES | spec), name=name, scene_sha256="00"
+        ).job
 
     def render(self, slices: int) -> None:
         """Render slices as a worker would, of whatever job is next, until there were so many."""

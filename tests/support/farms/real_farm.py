@@ -20,6 +20,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
+from tests.support import FRAMES
 from tests.support.processes.forked import ForkServer
 from tests.support.until import until
 
@@ -35,7 +36,7 @@ class Farm:
     client: Client
 
     def submit(self, scene: Path = BOX, **spec: object) -> JobView:
-        return self.client.submit(scene, JobSpec.model_validate(spec))
+        return self.client.submit(scene, JobSpec.model_validate(FRAMES | spec))
 
     def submit_half_way(self, scene: Path = BOX, **spec: object) -> str:
         """A job that is in the middle of its work, though this process be slow to look at it."""

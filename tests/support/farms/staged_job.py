@@ -11,6 +11,7 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import EndedBy, JobState
+from tests.support import FRAMES
 
 WIDTH, HEIGHT = 32, 24
 WORKER = "worker-1"
@@ -25,7 +26,7 @@ class StagedJob:
         jobs, self._client = Jobs(client), client
         if not job_id:
             created = jobs.create(
-                JobSpec(**spec), name=str(spec.get("name", "box")), scene_sha256="0" * 64
+                JobSpec(**FRAMES | spec), name=str(spec.get("name", "box")), scene_sha256="0" * 64
             )
             job_id = created.job.id
         self.id = job_id
@@ -62,7 +63,7 @@ class StagedJob:
             own = worker == WORKER
             queue = self._queue if own else SliceQueue(self._client, worker, lease_s=60)
             lease = self._lease(queue)
-            schedule = self.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
+            schedule = lease.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
             first_seed, last_seed = schedule.seed_range(lease.index)
             record = SliceRecord(
                 index=lease.index,

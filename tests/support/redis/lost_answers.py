@@ -32,12 +32,13 @@ from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGon
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
+from tests.support import FRAMES
 from tests.support.farms.receiver import SECRET
 
 WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0
 NOTICE: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "secret": SECRET}
-SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
+SPEC: Final[dict[str, Any]] = {**FRAMES, "step": 100, "slice_spp": 50, "max_spp": 1000}
 SCENE: Final = "c" * 64
 RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
 SHA256: Final = {"image.png": "ab" * 32, "image.exr": "cd" * 32}

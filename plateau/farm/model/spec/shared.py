@@ -87,16 +87,6 @@ class UnfitFilm(ValueError):
     """A rule of the job cannot judge an image of this size, under the job's view."""
 
 
-def _watched(fields: dict[str, Any]) -> tuple[RuleSpec, ...]:
-    """The rules that a job watches if it names none: the paper's, unless that ends it.
-
-    The paper's compares images in equal steps, which denoised ones have not.
-    """
-    rule, denoise = fields.get("rule"), fields.get("denoise")
-    is_alone = rule is None or rule.name == CURVE or not isinstance(denoise, NoDenoising)
-    return () if is_alone else (ReverseSpec(),)
-
-
 class SharedSpec(Strict):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
@@ -180,7 +170,7 @@ class SharedSpec(Strict):
         "has points at growing distances",
     )
     watch: Annotated[tuple[Annotated[RuleSpec, texts.NAMED], ...], texts.LIST] = Field(
-        default_factory=_watched,
+        default=(ReverseSpec(),),
         max_length=16,
         description="rules that are evaluated and reported, and stop nothing; by default `reverse` "
         "(Takouachet's), unless it ends the job or the image is denoised",
@@ -197,6 +187,9 @@ class SharedSpec(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> "SharedSpec":
+        if "watch" not in self.model_fields_set and (self.rule.name == CURVE or self.is_denoised):
+            # The paper's rule compares images in equal steps, which denoised ones have not.
+            self.__dict__["watch"] = ()
         if self.min_spp is not None and self.min_spp > self.max_spp:
             raise ValueError(
                 f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
@@ -313,8 +306,7 @@ class SharedSpec(Strict):
         asked = {
             name
             for name, field in type(self).model_fields.items()
-            if getattr(self, name)
-            != field.get_default(call_default_factory=True, validated_data=self.__dict__)
+            if getattr(self, name) != field.get_default(call_default_factory=True)
         }
         document = self.model_dump(mode="json", include=asked)
         if self.notice.secret is not None:

@@ -7,7 +7,7 @@ from plateau.farm.model.slices.looks import FREE_STEPS, LEAST_GROWTH, MOST_GROWT
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 
-SPEC = JobSpec(step=100, slice_spp=25, max_spp=1000, denoise={"name": "oidn"})
+SPEC = JobSpec(step=100, slice_spp=25, max_spp=1000, denoise="oidn", allocation="frame")
 
 
 def looks(*seen: tuple[int, int | None], spec: JobSpec = SPEC) -> list[int]:

@@ -54,7 +54,7 @@ def test_a_round_is_stored_and_read(
 
 
 def test_by_frame_all_slices_are_alike() -> None:
-    frames = Plan.of(JobSpec(step=100, slice_spp=25, max_spp=1050), WIDTH, HEIGHT)
+    frames = Plan.of(JobSpec(max_spp=1050, allocation="frame"), WIDTH, HEIGHT)
     assert (frames.stop, frames.is_complete) == (42, True)
     assert [at for at in range(43) if frames.is_point(at)] == [*range(4, 43, 4), 42]
     assert (frames.spp(5), frames.slices_of(125), frames.samples(5)) == (125, 5, 125 * 5000)

@@ -10,10 +10,39 @@ from plateau.farm.model.renderers import variants
 from plateau.farm.model.spec import BatchSpec, JobSpec
 
 
-def test_the_default_is_the_papers_rule() -> None:
+def test_the_default_is_today_s_eye_on_a_desk_with_the_papers_rule_beside_it() -> None:
     spec = JobSpec()
-    assert (spec.rule.name, spec.rule.target, spec.rule.min_spp) == ("visible", 0.0002, 200)
+    assert (spec.rule.name, spec.rule.target, spec.rule.min_spp) == ("jod", 9.5, 200)
+    assert [rule.name for rule in spec.watch] == ["reverse"]
+    assert spec.view == JobSpec(view="screen").view
+    assert spec.view.words == "on a desk monitor at 200 %"
     assert (spec.step, spec.slice_spp, spec.max_spp) == (100, 25, 10_000)
+
+
+@pytest.mark.parametrize("given", [{"rule": "reverse"}, {"denoise": "oidn"}, {"watch": ()}])
+def test_the_papers_rule_is_not_watched(given: dict[str, Any]) -> None:
+    assert JobSpec(**given).watch == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "variant", "because"),
+    [
+        ({}, "llvm_ad_rgb", None),
+        ({"denoise": "oidn"}, "analytic:numpy", None),
+        ({}, "scalar_rgb", "variant"),
+        ({"rule": "visible"}, "llvm_ad_rgb", "rule"),
+        ({"keep_slices": True}, "llvm_ad_rgb", "keep_slices"),
+        ({"shot": "24"}, "llvm_ad_rgb", "shot"),
+    ],
+)
+def test_samples_go_to_zones_where_the_job_can_have_them(
+    given: dict[str, Any], variant: str, because: str | None
+) -> None:
+    spec = JobSpec(**given)
+    assert spec.frames_because(variant) == because
+    assert spec.settled(variant).allocation.name == ("zones" if because is None else "frame")
+    # As long as nobody knows the variant, it may be zones
+    assert spec.by_zones is (because in {None, "variant"})
 
 
 @pytest.mark.parametrize(
@@ -27,7 +56,7 @@ def test_the_default_is_the_papers_rule() -> None:
         ({"variant": "gpu_rgb"}, "variant"),
         ({"rule": {"name": "hunch"}}, "rule"),
         ({"rule": {"name": "fixed", "epsilon": 1}}, "epsilon"),
-        ({"watch": [{"name": "visible"}]}, "may be named once"),
+        ({"watch": [{"name": "jod"}]}, "may be named once"),
         ({"view": {"focus": [[1, 2], [1]]}}, "same number of weights"),
         ({"view": {"focus": [[0, 0]]}}, "nobody would look"),
         ({"view": {"focus": [[1] * 33]}}, "focus"),

@@ -31,7 +31,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"rule": "jod:target"}, "spec.rule: takes NAME or NAME:PARAMETER=VALUE,…"),
     ({"rule": "jod:target=99"}, "spec.rule.target: must be at most 9.99"),
     ({"watch": ["fixed", "jod:aim=9"]}, "spec.watch.1.aim: there is no such field"),
-    ({"view": "office"}, "spec.view: must be desk, phone, cinema, or an object"),
+    ({"view": "office"}, "spec.view: must be screen, desk, phone, cinema, paper, or an object"),
     ({"view": {"background": "red"}}, "spec.view.background: takes R,G,B"),
     ({"parameters": ["a"]}, "spec.parameters: takes NAME=VALUE"),
     ({"denoise": "optix"}, "spec.denoise: must have the name none or oidn"),

@@ -11,7 +11,7 @@ from plateau.farm.model.spec.parts import LAG
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.rules import MOST_SPP
 
-ZONES = {"name": "zones"}
+FRAME, ZONES, AUTO = {"name": "frame"}, {"name": "zones"}, {"name": "auto"}
 OIDN = {"name": "oidn"}
 
 
@@ -39,6 +39,8 @@ OIDN = {"name": "oidn"}
         ({"max_spp": 997, "allocation": ZONES}, (100, 25, 997)),
         ({"step": 50, "allocation": ZONES}, (48, 12, 10_000)),
         ({"max_spp": 201, "allocation": ZONES}, (100, 25, 201)),
+        # What may become either fits both
+        ({"step": 50, "max_spp": 997, "allocation": AUTO}, (48, 12, 996)),
         # A cap within them is one of whole films
         ({"max_spp": 1, "allocation": ZONES}, (100, 1, 1)),
         ({"max_spp": 2, "allocation": ZONES}, (100, 1, 2)),
@@ -61,17 +63,17 @@ OIDN = {"name": "oidn"}
 def test_the_least_that_is_needed_changes(
     asked: dict[str, Any], expected: tuple[int, int, int]
 ) -> None:
-    fit = fitted(JobSpec(**asked))
+    fit = fitted(JobSpec(**{"allocation": FRAME, **asked}))
     assert (fit.step, fit.slice_spp, fit.max_spp) == expected
 
 
 def test_slices_that_exist_keep_their_size() -> None:
-    fit = fitted(JobSpec(max_spp=110, step=60), keep_slices=True)
+    fit = fitted(JobSpec(max_spp=110, step=60, allocation=FRAME), keep_slices=True)
     assert (fit.step, fit.slice_spp, fit.max_spp) == (50, 25, 125)
 
 
 def test_changes_are_told() -> None:
-    asked = JobSpec(max_spp=10, slice_spp=20)
+    asked = JobSpec(max_spp=10, slice_spp=20, allocation=FRAME)
     assert changes(asked, fitted(asked)) == (
         "slice_spp is 10 in place of 20: steps and the cap are whole numbers of slices",
     )
@@ -93,7 +95,11 @@ def test_another_cap_is_always_told() -> None:
     st.integers(1, 4096),
     st.integers(1, MOST_SPP),
     st.sampled_from(
-        [{}, {"allocation": ZONES}, {"denoise": OIDN}, {"allocation": ZONES, "denoise": OIDN}]
+        [
+            {"allocation": one, **more}
+            for one in (FRAME, ZONES, AUTO)
+            for more in ({}, {"denoise": OIDN})
+        ]
     ),
     st.booleans(),
 )
@@ -105,7 +111,8 @@ def test_every_spec_fits(step: int, size: int, cap: int, more: dict[str, Any], k
     assert JobSpec.model_validate(fit.model_dump()) == fit
     least = 2 if fit.is_denoised else 1
     assert not fit.step % (fit.slice_spp * (4 if fit.by_zones else least))
-    unit = 1 if fit.by_zones and fit.max_spp > LAG * fit.step else fit.slice_spp * least
+    is_free = fit.allocation.name == "zones" and fit.max_spp > LAG * fit.step
+    unit = 1 if is_free else fit.slice_spp * least
     assert not fit.max_spp % unit
     # No more is rendered than was asked for, and little less; slices that exist are filled up
     if keep:
