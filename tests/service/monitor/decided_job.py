@@ -17,13 +17,14 @@ from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import next_step
 from plateau.service.monitor.known import Known, RuleAnswer
 from plateau.service.monitor.look_ahead import LookAhead
+from tests.support import FRAMES
 
 EPOCH = datetime.fromtimestamp(0, timezone.utc)
 
 
 def made_job(**fields: Any) -> Job:
     """A job, rendering since 1970, with these fields; those of its spec under `spec`."""
-    spec = JobSpec.model_validate(fields.pop("spec", {}))
+    spec = JobSpec.model_validate(FRAMES | fields.pop("spec", {}))
     usual: dict[str, Any] = {
         "id": "0" * 12,
         "name": "box",

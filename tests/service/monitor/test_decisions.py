@@ -56,7 +56,9 @@ def limited(**fields: object) -> Known:
 POINT = known(merged=4, judged=4, saved=4, shown_spp=100, answer=NO_STOP)
 RECORDED = replace(POINT, recorded=True)
 AT_THE_CAP = replace(
-    RECORDED, job=made_job(spec={"max_spp": 100}), plan=Plan.of(JobSpec(max_spp=100))
+    RECORDED,
+    job=made_job(spec={"max_spp": 100}),
+    plan=Plan.of(JobSpec(max_spp=100, allocation="frame")),
 )
 
 

@@ -20,7 +20,7 @@ from tests.support.until import until
 
 #: Keeps sixteen workers busy.
 ENOUGH = 33
-PLAN = Plan.of(JobSpec(max_spp=2000))
+PLAN = Plan.of(JobSpec(max_spp=2000, allocation="frame"))
 
 
 def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:

@@ -18,11 +18,12 @@ from plateau.farm.model.errors import JobNotEnded
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.slices.plan import Plan
-from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
+from tests.support import FRAMES
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.receiver import SECRET
@@ -162,12 +163,13 @@ def test_under_another_view_kept_slices_are_judged_again_and_nothing_is_rendered
     farm: NoiseFarm,
 ) -> None:
     other = {"field_of_view_deg": 5.0, "exposure_ev": 2.0}
+    seen = {**PLACES["paper"], **other}
     with farm.monitor():
         job = work(farm, farm.submit(**QUICK, keep_slices=True))
         ledger = farm.jobs.ledger(job.id)
         cap = len(ledger) * SLICE
         judged = work(farm, go_on(farm, job, view=other, step=10, max_spp=cap))
-        from_the_start = work(farm, farm.submit(**{**QUICK, "view": other, "step": 10}))
+        from_the_start = work(farm, farm.submit(**{**QUICK, "view": seen, "step": 10}))
     assert rendered(farm, judged) == []
     assert judged.machine_s == 0
     assert judged.spec.view.field_of_view_deg == 5
@@ -244,7 +246,7 @@ def test_on_scalar_variants_the_cap_decides_which_passes_and_seeds_the_samples_h
     drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
     seeds = tuple(drawn.seed_range(index) for index in range(spp // 25))
     remains = Remains(spp // 25, "sums", seeds, Plan.of(job.spec))
-    assert lost_by(job, remains, JobSpec(max_spp=to, seed=seed)) == why
+    assert lost_by(job, remains, JobSpec(**FRAMES, max_spp=to, seed=seed)) == why
 
 
 class TestWhatIsLost:

@@ -33,17 +33,21 @@ class TestSubmitting:
     def test_refuses_a_rule_that_cannot_judge_so_small_an_image(self, http: httpx.Client) -> None:
         film = f'<sensor type="perspective">{FILM.format("$side")}</film></sensor>'
         said = "the rule jod judges images of 4×4 pixels or more, and this one has 3×9: make the "
-        said += "film larger, or name another rule"
+        said += "film larger, or name another rule, such as visible"
         small = {"side": 3}
         for spec, field in [
-            ({"rule": {"name": "jod"}, "parameters": small}, "spec"),
-            ({"watch": [{"name": "jod"}], "parameters": small}, "spec"),
+            ({"parameters": small}, "spec"),
+            ({"rule": "visible", "watch": ["jod"], "parameters": small}, "spec"),
             ({"rule": {"name": "jod"}, "parameters": [{"side": 4}, small]}, "spec.parameters.1"),
         ]:
             found = problem(submit(http, scene(sensor=film), spec), 422, "invalid-spec")
             assert found["errors"] == [{"field": field, "message": said}]
-        assert submit(http, scene(sensor=film), {"parameters": small}).status_code == 201
-        large = {"rule": {"name": "jod"}, "parameters": {"side": 4}}
+        visible = {"rule": "visible", "parameters": small}
+        assert submit(http, scene(sensor=film), visible).status_code == 201
+        far = {"parameters": {"side": 4}, "view": {"field_of_view_deg": 0.0001}}
+        found = problem(submit(http, scene(sensor=film), far), 422, "invalid-spec")
+        assert "4e+04 pixels in a degree" in found["errors"][0]["message"]
+        large = {"parameters": {"side": 4}}
         assert submit(http, scene(sensor=film), large).status_code == 201
 
     def test_makes_a_job_and_stores_the_scene_once(
