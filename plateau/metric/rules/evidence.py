@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, plan_round
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
@@ -16,7 +18,6 @@ from plateau.metric.quality import Quality, QualityModel
 from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from plateau.metric.blend import BlendError
@@ -65,6 +66,16 @@ class Evidence:
     def finite(self) -> Mask:
         """Which pixels of the merged image are neither NaN nor infinite, (H, W) bool."""
         return finite_pixels(as_image(self.image))
+
+    @property
+    def is_lit(self) -> bool:
+        """Whether any pixel has light."""
+        return bool((self.image[self.finite] > 0).any())
+
+    @property
+    def halves_agree(self) -> bool:
+        """Whether the halves have the same light everywhere, as an image without noise has."""
+        return self.halves is not None and np.array_equal(*(half.mean for half in self.halves))
 
     @cached_property
     def percept(self) -> Percept:

@@ -33,7 +33,8 @@ class Jod(Rule):
     At 9 JOD three of four people prefer the converged image; a difference of 0.1 is one that hardly
     anybody sees. The model knows the whole view: pixels per degree, white, black and the room.
 
-    Like every other rule, it cannot know of light that no path has found yet.
+    Like every other rule, it cannot know of light that no path has found yet. So an image without
+    any light is never good enough, and the reason says so where the halves do not differ at all.
 
     It stores no image.
 
@@ -103,7 +104,7 @@ class Jod(Rule):
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
-            stop=passed and likely and evidence.spp >= self.min_spp,
+            stop=passed and likely and evidence.is_lit and evidence.spp >= self.min_spp,
             value=None if quality is None else quality.jod,
             numbers={
                 "jod": None if quality is None else quality.jod,
@@ -156,6 +157,10 @@ class Jod(Rule):
         )
         words += left_out(float((~evidence.finite).sum()))
         target = f"the target of {self.target:g} JOD"
+        if not evidence.is_lit:
+            return "the image is black, and no light is no quality: look at the scene's emitters"
+        if evidence.halves_agree:
+            words += ", as no sample differs from another: light that none has found is not judged"
         if not passed:
             return f"{words}; the target is {self.target:g} JOD"
         if not likely:
