@@ -49,8 +49,8 @@ def test_any_cap_will_do_and_a_note_says_what_it_takes(
     plateau: Client, client: redis.Redis
 ) -> None:
     job = plateau.submit("scenes:box", max_spp=10, slice_spp=20)
-    assert (job.spec.max_spp, job.spec.slice_spp) == (10, 10)
-    note = "slice_spp is 10 in place of 20: steps and the cap are whole numbers of slices"
+    assert (job.spec.max_spp, job.spec.slice_spp) == (10, 5)
+    note = "slice_spp is 5 in place of 20: steps and the cap are whole numbers of slices"
     assert job.notes == (note,)
     # It stays with those of the worker
     staged = StagedJob(client, job.id)

@@ -131,7 +131,7 @@ def test_the_package_offers_the_client_without_loading_it() -> None:
         "import plateau, sys; before = set(sys.modules);"
         "assert 'Client' in dir(plateau) and 'httpx' not in before;"
         "from plateau import *; assert Client.__module__.startswith('plateau.client');"
-        "assert JobSpec().rule == VisibleSpec() and JobState('queued')"
+        "assert JobSpec().rule == JodSpec() and JobState('queued')"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
     with pytest.raises(ImportError):

@@ -82,6 +82,7 @@ class TestOptions:
             "min-spp": "none",
             "name": "as its scene is",
             "rule": spec.rule.name,
+            "watch": spec.watch[0].name,
             "allocation": spec.allocation.name,
             "denoise": spec.denoise.name,
             "window": "5",
@@ -96,8 +97,8 @@ class TestOptions:
             "white-luminance": f"{spec.view.white_luminance:g}",
             "contrast": f"{spec.view.contrast:g}",
             "ambient-lux": f"{spec.view.ambient_lux:g}",
-            "field-of-view": f"{spec.view.field_of_view_deg:g}",
-            "pixels-per-degree": "none",
+            "field-of-view": "none",
+            "pixels-per-degree": f"{spec.view.pixels_per_degree:g}",
             "primaries": spec.view.primaries,
             "priority": str(spec.priority),
             "pool": spec.pool,
@@ -142,10 +143,16 @@ class TestOptions:
     def test_set_a_place_from_which_the_image_is_seen(self) -> None:
         view = spec_from_options(seen="cinema", contrast=1500).view
         assert (view.pixels_per_degree, view.white_luminance, view.contrast) == (57, 48, 1500)
-        # Every place is one that the metric knows, and an angle replaces pixels per degree
+        # Every place is one that the metric knows, and pixels per degree replace an angle
         for place in PLACES:
             View(**spec_from_options(seen=place).view.of_display())
-        assert spec_fields(field_of_view=20)["view"]["pixels_per_degree"] is None
+        assert spec_fields(pixels_per_degree=9)["view"]["field_of_view_deg"] is None
+
+    def test_of_a_preset_count_after_those_that_are_given(self) -> None:
+        paper = JobSpec(rule="reverse", allocation="frame", view="paper")
+        assert spec_from_options(preset="paper") == paper
+        other = spec_from_options(preset="paper", rule="fixed", seen="desk")
+        assert other == JobSpec(rule="fixed", allocation="frame", view="desk")
 
     @pytest.mark.parametrize(
         ("options", "words"),
@@ -155,7 +162,10 @@ class TestOptions:
             (["--exposure", "101"], "--exposure: "),
             (["--field-of-view", "180"], "--field-of-view: "),
             (["--pixels-per-degree", "0"], "--pixels-per-degree: must be at least 0.1"),
-            (["--seen", "moon"], "--seen takes one of desk, phone, cinema, not 'moon'"),
+            (
+                ["--seen", "moon"],
+                "--seen takes one of screen, desk, phone, cinema, paper, not 'moon'",
+            ),
             (["--seen", "desk", "--field-of-view", "20"], "give one of them"),
             (["--rule", "guess"], "--rule: must be fixed, "),
             (["--rule", ""], "--rule: must be fixed, "),
@@ -255,7 +265,7 @@ class TestTalkingToAService:
         assert [row[-1] for row in rows] == [*[Path(box).stem] * 2, "Kitchen v1.2"]
         assert plateau("list", "--state", "cancelled")[1].split("\t")[0] == made[0]
         assert len(json.loads(plateau("list", "--limit", "2", "--json")[1])) == 2
-        assert "note:       slice_spp is 10 in place of 20" in plateau("show", made[2])[1]
+        assert "note:       slice_spp is 5 in place of 20" in plateau("show", made[2])[1]
         assert plateau("list", "--batch", "none") == (0, "", "no jobs\n")
         code, _, err = plateau("list", "--state", "happy")
         assert (code, "the states are queued, rendering" in err) == (1, True)

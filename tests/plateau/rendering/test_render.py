@@ -145,7 +145,7 @@ def test_a_farm_renders_the_same(
     farm: RealFarm, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "checks.json").write_text(json.dumps(CHECKS))
-    spec = plateau.JobSpec(max_spp=50, step=25)
+    spec = plateau.JobSpec(max_spp=50, step=25, allocation={"name": "frame"})
     results = [
         plateau.render(tmp_path / "checks.json", spec, farm=farm.url, seed=np.int64(seed))
         for seed in (0, 0, 1)
