@@ -26,7 +26,7 @@ from bench.support.report import DOCS, Table, fill, markdown, write_report
 from bench.support.series import CYCLES, CYCLES_ADAPTIVE, SLICE_SPP, TARGET, Rendered, Series, Stop
 from plateau import scenes
 from plateau.farm.images.exr import decode_partial
-from plateau.farm.model.spec import PLACES, JobSpec, ViewSpec, VisibleSpec
+from plateau.farm.model.spec import JobSpec
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.picture.judge import Judge, warm_up
 from plateau.picture.merge import Merge
@@ -88,10 +88,8 @@ def look_costs(renders: Rendered) -> dict[str, list[float]]:
     For our rules that is all the work of a job at a point of its curve: both rules, the estimate,
     the forecast and the zones.
     """
-    metric, judge = (
-        CompiledVisibleDifferences(PAPER),
-        Judge(JobSpec(rule=VisibleSpec(), watch=(), view=ViewSpec(**PLACES["paper"]))),
-    )
+    spec = JobSpec.model_validate({"rule": "visible", "watch": (), "view": "paper"})
+    metric, judge = CompiledVisibleDifferences(PAPER), Judge(spec)
     luxcore, cycles, adaptive = LuxCoreHalt(metric.view), CyclesThreshold(), CyclesAdaptive()
     merge = Merge(slice_spp=SLICE_SPP)
     took: dict[str, list[float]] = {}

@@ -3,7 +3,6 @@
 import contextlib
 import io
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -11,6 +10,7 @@ import typer
 
 from plateau.commands import options as o
 from plateau.commands.app import app
+from plateau.commands.options.spec_fields import view_of_place
 from plateau.commands.printing import print_json
 from plateau.errors import CommandFailed
 
@@ -26,8 +26,7 @@ def denoise(
         list[Path], typer.Argument(help="Two EXR files or more, of as many samples each.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", help="File to write.")],
-    field_of_view: o.FieldOfView = None,
-    white_luminance: o.WhiteLuminance = None,
+    seen: o.Seen = None,
     exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
     as_json: o.Json = False,
 ) -> None:
@@ -57,12 +56,7 @@ def denoise(
     if not oidn.is_installed():
         raise CommandFailed(oidn.MISSING)
     try:
-        view: dict[str, Any] = {
-            "field_of_view_deg": field_of_view,
-            "white_luminance": white_luminance,
-        }
-        given = {name: value for name, value in view.items() if value is not None}
-        shown = replace(View(exposure_ev=exposure), **given)
+        shown = View(**view_of_place(seen), exposure_ev=exposure)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     try:

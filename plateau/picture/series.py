@@ -149,8 +149,7 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     for path, film in zip(series.files, series.films(), strict=True):
         try:
             merge.add(*film)
-            if film[0].ndim > 2:  # not of zones, and the first never is
-                spec.require_size(film[0].shape[1], film[0].shape[0])
+            spec.require_size(film[0].shape[1], film[0].shape[0])
         except ValueError as error:
             raise CannotJudge(f"{path}: {error}") from error
         if merge.spp % spec.step == 0:

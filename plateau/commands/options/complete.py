@@ -84,14 +84,3 @@ def places(incomplete: str) -> Offered:
 
     named = [(name, ViewSpec(**view).words) for name, view in PLACES.items()]
     return [(name, words) for name, words in named if name.startswith(incomplete)]
-
-
-def presets(incomplete: str) -> Offered:
-    """The presets, with the options that they stand for."""
-    from plateau.commands.options.spec_fields import PRESETS
-
-    return [
-        (name, " ".join(f"--{option} {value}" for option, value in options.items()))
-        for name, options in PRESETS.items()
-        if name.startswith(incomplete)
-    ]

@@ -57,7 +57,6 @@ def spec_from_options(
             help="Several options at once: paper for the method of Takouachet et al., which is "
             "--rule reverse --allocation frame --seen paper. Options beside it count before it.",
             show_default="none",
-            autocompletion=complete.presets,
         ),
     ] = None,
     rule: Annotated[

@@ -144,9 +144,8 @@ class Job(_Record):
     spec: JobSpec
     frames_because: FramesBecause | None = Field(
         None,
-        description="why the allocation `auto` became frame: the rule does not go by the quality, "
-        "the job is of a shot or keeps its slices, or the variant has no zones. Null where it "
-        "became zones, is not decided yet, or was asked for by name",
+        description="why the allocation `auto` became frame; null where it became zones, is not "
+        "decided yet, or was asked for by name",
     )
     scene_sha256: str
     variant: str | None = Field(description="the variant, pinned by the first lease")

@@ -50,9 +50,7 @@ class JobView(Job):
         description="where the image is judged as seen, in words: `spec.view` for people"
     )
     seen_density: float | None = Field(
-        None,
-        description="pixels in a degree at the centre of the image, as it is judged; null before "
-        "its size is known",
+        None, description="pixels in a degree there; null before the image's size is known"
     )
     fitting_workers: int | None = Field(
         None,
@@ -304,19 +302,10 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
     )
 
 
-#: Why `auto` is the frame.
-_FRAMES: Final = {
-    "rule": "the rule does not go by the quality",
-    "shot": "it is a frame of a shot",
-    "keep_slices": "it keeps its slices",
-    "variant": "its variant renders no zones",
-}
-
-
 def _sampled(job: Job) -> str:
     if job.spec.by_zones:
         return "by zones"
-    why = "" if job.frames_because is None else f", as {_FRAMES[job.frames_because]}"
+    why = "" if job.frames_because is None else f" (auto, because of {job.frames_because})"
     return f"all over the frame{why}"
 
 

@@ -75,7 +75,10 @@ class Evidence:
     @property
     def halves_agree(self) -> bool:
         """Whether the halves have the same light everywhere, as an image without noise has."""
-        return self.halves is not None and np.array_equal(*(half.mean for half in self.halves))
+        if self.halves is None:
+            return False
+        even, odd = self.halves
+        return np.array_equal(even.mean, odd.mean)
 
     @cached_property
     def percept(self) -> Percept:

@@ -33,8 +33,8 @@ class Jod(Rule):
     At 9 JOD three of four people prefer the converged image; a difference of 0.1 is one that hardly
     anybody sees. The model knows the whole view: pixels per degree, white, black and the room.
 
-    Like every other rule, it cannot know of light that no path has found yet. So an image without
-    any light is never good enough, and the reason says so where the halves do not differ at all.
+    Like every other rule, it cannot know of light that no path has found yet. Without any, an image
+    is never good enough.
 
     It stores no image.
 

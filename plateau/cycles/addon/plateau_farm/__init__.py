@@ -60,17 +60,14 @@ class PlateauSettings(bpy.types.PropertyGroup):
         name="Stop",
         description="When the job ends",
         items=(
-            ("jod", "When it is good enough", "Nearly as good as the end, on a desk monitor at 200 %"),
+            (
+                "jod",
+                "When it is good enough",
+                "Nearly as good as the end, on a desk at 200 %",
+            ),
             ("visible", "When noise is invisible", "So few pixels differ visibly from the end"),
             ("fixed", "At the cap", "When it has all samples of the cap"),
         ),
-    )
-    quality: FloatProperty(
-        name="Quality",
-        description="In JOD: 10 is the end, and at 9 three of four people prefer the end",
-        default=9.5,
-        min=1.0,
-        max=9.99,
     )
     target: FloatProperty(
         name="Noise left",
@@ -112,12 +109,8 @@ class _Now:
 def spec_of(settings: Any, name: str) -> dict[str, Any]:
     """Return the spec of a job with a scene's settings."""
     cap = settings.cap
-    parameters = {
-        "jod": {"target": settings.quality},
-        "visible": {"target": settings.target / 100},
-        "fixed": {"spp": cap},
-    }
-    rule = {"name": settings.rule, **parameters[settings.rule]}
+    parameters = {"visible": {"target": settings.target / 100}, "fixed": {"spp": cap}}
+    rule = {"name": settings.rule, **parameters.get(settings.rule, {})}
     spec: dict[str, Any] = {"name": (settings.job or name)[:100], "max_spp": cap, "rule": rule}
     return {**spec, "denoise": {"name": "oidn"}} if settings.denoise else spec
 
@@ -192,8 +185,6 @@ class PlateauPanel(bpy.types.Panel):
         layout.use_property_split = True
         layout.prop(settings, "job")
         layout.prop(settings, "rule")
-        if settings.rule == "jod":
-            layout.prop(settings, "quality")
         if settings.rule == "visible":
             layout.prop(settings, "target")
         for name in ("cap", "denoise", "folder"):

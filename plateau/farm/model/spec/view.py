@@ -40,46 +40,25 @@ Focus = Annotated[
 ]
 
 
+def _place(
+    angle: float, of: str = "pixels_per_degree", *, white: float, contrast: float, lux: float
+) -> dict[str, float]:
+    return {of: angle, "white_luminance": white, "contrast": contrast, "ambient_lux": lux}
+
+
 #: Where people look at images: fields of a view by the place's name. A monitor of 24 inches at
 #: 60 cm, at 200 % and pixel by pixel; a phone of 6 inches at 40 cm; a film of 1080 lines from three
 #: times its height (SMPTE RP 431-2 for white and contrast); and the screen of Takouachet's paper,
 #: which the image fills, whatever its size.
 PLACES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {
-        "screen": {
-            "pixels_per_degree": 20,
-            "white_luminance": 200,
-            "contrast": 1000,
-            "ambient_lux": 250,
-        },
-        "desk": {
-            "pixels_per_degree": 38,
-            "white_luminance": 200,
-            "contrast": 1000,
-            "ambient_lux": 250,
-        },
-        "phone": {
-            "pixels_per_degree": 120,
-            "white_luminance": 500,
-            "contrast": 10_000,
-            "ambient_lux": 250,
-        },
-        "cinema": {
-            "pixels_per_degree": 57,
-            "white_luminance": 48,
-            "contrast": 2000,
-            "ambient_lux": 0,
-        },
-        "paper": {
-            "field_of_view_deg": 45,
-            "white_luminance": 100,
-            "contrast": 1000,
-            "ambient_lux": 64,
-        },
+        "screen": _place(20, white=200, contrast=1000, lux=250),
+        "desk": _place(38, white=200, contrast=1000, lux=250),
+        "phone": _place(120, white=500, contrast=10_000, lux=250),
+        "cinema": _place(57, white=48, contrast=2000, lux=0),
+        "paper": _place(45, "field_of_view_deg", white=100, contrast=1000, lux=64),
     }
 )
-
-
 #: The same for people.
 _WORDS: Final = {
     "screen": "on a desk monitor at 200 %",
@@ -156,9 +135,8 @@ class ViewSpec(Strict):
             here = {"field_of_view_deg": None, **place}
             if all(given[field] == value for field, value in here.items()):
                 return _WORDS[name]
-        angle = f"at {self.pixels_per_degree:g} pixels per degree"
-        if self.field_of_view_deg is not None:
-            angle = f"filling {self.field_of_view_deg:g}°"
+        fills = self.field_of_view_deg
+        angle = f"filling {fills:g}°" if fills else f"at {self.pixels_per_degree:g} pixels a degree"
         return (
             f"{angle}, on a display of {self.white_luminance:g} cd/m² and "
             f"{self.contrast:,g}:1 under {self.ambient_lux:g} lux"
