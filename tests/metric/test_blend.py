@@ -171,7 +171,8 @@ def test_so_is_the_quality_and_the_doubt_about_it_that_a_larger_image_has_less_o
     assert 0.85 * lost < 10 - found.jod < 1.3 * lost + 0.02
     assert lost < 10 - found.low_jod < 1.8 * lost + 0.05
     # Given four times the image, seen alike
-    view, everything = replace(VIEW, pixels_per_degree=SIZE / VIEW.width_deg(SIZE)), (2, 2, 1)
+    density, everything = SIZE / VIEW.width_deg(SIZE), (2, 2, 1)
+    view = replace(VIEW, field_of_view_deg=None, pixels_per_degree=density)
     nan = np.zeros((2 * SIZE, 2 * SIZE), bool)
     large = [
         NoiseModel(np.tile(one.clean, everything), np.tile(one.noise, everything), nan)

@@ -58,6 +58,7 @@ def test_a_scene_is_looked_at_and_rendered(form: Page, farm: NoiseFarm, scene: P
     form.get_by_label("height", exact=True).blur()
     expect(form.locator(".found")).to_contain_text("64 × 48 pixels")
     form.get_by_label("At most").fill("2000")
+    form.get_by_role("radio", name="No noise left to see").check()
     form.get_by_label("Noise that may be left").fill("0.1")
     form.get_by_label("Time limit").fill("2")
     form.get_by_text("More", exact=True).click()
@@ -84,10 +85,12 @@ def test_another_rule_zones_and_denoising(form: Page, farm: NoiseFarm, scene: Pa
     # Presets set the rule
     form.get_by_role("button", name="To the eye's limit").click()
     expect(form.get_by_role("radio", name="ColorVideoVDP")).to_be_checked()
-    for preset, noise in (("Draft", "1"), ("Final", "0.02")):
+    expect(form.get_by_label("By itself")).to_be_checked()
+    for preset, quality in (("Draft", "9"), ("Final", "9.5")):
         form.get_by_role("button", name=preset).click()
-        expect(form.get_by_label("Noise that may be left")).to_have_value(noise)
-    form.get_by_label("The paper's plateau").first.check()
+        expect(form.get_by_label("Quality to reach")).to_have_value(quality)
+    form.get_by_role("button", name="The paper As").click()
+    expect(form.get_by_label("Or image width seen under")).to_have_value("45")
     form.get_by_label("Slope to stop at").fill("0.5")
     expect(form.get_by_label("All over the frame")).to_be_checked()
     size, guides = form.get_by_label("Side of a zone"), form.get_by_label("With guides")
@@ -98,7 +101,7 @@ def test_another_rule_zones_and_denoising(form: Page, farm: NoiseFarm, scene: Pa
     form.get_by_label("By Open Image Denoise").check()
     guides.uncheck()
     form.get_by_role("button", name="in a cinema").click()
-    expect(form.get_by_label("Or pixels in a degree")).to_have_value("57")
+    expect(form.get_by_label("Pixels in a degree")).to_have_value("57")
     form.get_by_label("Display white").fill("60")
     spec = rendered(form, farm)
     assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
@@ -122,7 +125,7 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
         ("No sooner than", "400"),
         ("Background", "0.5, 0, 1"),
         ("Channels of image.exr", "albedo, shape_id"),
-        ("Rules to watch", "reverse, jod"),
+        ("Rules to watch", "reverse, visible"),
         ("Notify", "lead"),
     ):
         form.get_by_label(label, exact=True).fill(text)

@@ -35,7 +35,8 @@ def spec_fields(**options: Any) -> dict[str, Any]:
         if preset not in PRESETS:
             raise typer.BadParameter(f"--preset takes {', '.join(PRESETS)}, not {preset!r}")
         given = {**PRESETS[preset], **given}
-        seen = given.pop("seen") if seen is None else seen
+        place = given.pop("seen")
+        seen = place if seen is None else seen
     view = view_of_place(seen) | _taken(given, _VIEW)
     if "focus" in view:
         view["focus"] = _focus(view["focus"])

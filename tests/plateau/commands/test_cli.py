@@ -82,7 +82,6 @@ class TestOptions:
             "min-spp": "none",
             "name": "as its scene is",
             "rule": spec.rule.name,
-            "watch": spec.watch[0].name,
             "allocation": spec.allocation.name,
             "denoise": spec.denoise.name,
             "window": "5",

@@ -230,8 +230,8 @@ class SharedSpec(Strict):
     def frames_because(self, variant: str) -> FramesBecause | None:
         """Why `auto` is the frame on this variant; None where it is zones.
 
-        Only by the quality zones lose nothing. Kept slices may be compared in a study or judged
-        with another step. The variant `auto` may have zones: its first worker decides.
+        Only by the quality zones lose nothing. Kept slices may be compared frame by frame, or
+        judged with another step. The variant `auto` may have zones: its first worker decides.
         """
         if self.rule.behaviour.quality_target is None:
             return "rule"

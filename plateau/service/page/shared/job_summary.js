@@ -22,7 +22,7 @@ export function inWords(state, count = 1) {
  * @param {Api.JobView} job
  * @param {{ withParameters: boolean }} options
  */
-export function asked({ spec, width, height, frames_because: because }, { withParameters }) {
+export function asked({ spec, width, height }, { withParameters }) {
   // The size of the image is said already.
   const given = Object.entries(spec.parameters).filter(([name, value]) =>
     !(name === "width" && Number(value) === width) && !(name === "height" && Number(value) === height));
@@ -31,7 +31,7 @@ export function asked({ spec, width, height, frames_because: because }, { withPa
     ...(withParameters ? given.map(([name, value]) => `${name} ${value}`) : []),
     spec.sensor && `sensor ${spec.sensor}`,
     !ruleNamed(spec.rule.name)?.default && `rule ${spec.rule.name}`,
-    spec.allocation.name === "frame" && !because && "by frames",
+    spec.allocation.name === "zones" && "by zones",
     spec.view.focus && "by a focus",
     spec.denoise.name !== "none" && "denoised",
   ].filter(Boolean);

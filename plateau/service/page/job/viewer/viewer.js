@@ -76,7 +76,7 @@ export class Viewer {
   #busy = false;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
-  #larger = h("p", { class: "caption", role: "status" });
+  #larger = h("p", { class: "hint larger", role: "status" });
   /** Pixels of the display across a pixel of the image. */
   #shown = 0;
   #compare;
