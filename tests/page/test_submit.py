@@ -141,7 +141,7 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     assert (spec.name, spec.pool, spec.variant) == ("dusk, last take", "night", "scalar_rgb")
     assert set(spec.requires) == {"highmem", "fast"}
     assert spec.notice.targets == ("lead",)
-    assert [rule.name for rule in spec.watch] == ["reverse", "jod"]
+    assert [rule.name for rule in spec.watch] == ["reverse", "visible"]
     assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
     assert spec.notice.url == "https://studio.example/hooks/plateau"
 

@@ -81,6 +81,7 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
             "time_limit_from": "submission",
         },
         {
+            "rule": {"name": "visible", "target": 0.01, "min_spp": 100},
             "denoise": {"name": "oidn", "guides": False},
             "view": {
                 "exposure_ev": 1.5,
@@ -125,14 +126,11 @@ def test_kept_slices_are_judged_again_under_another_view(
         until(lambda: farm.jobs.get(job["id"]).finished_at is not None, 60)
     page = visit(f"/submit?again={job['id']}", expected={404, 422}).page
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
-    page.get_by_label("Or pixels in a degree").fill("")
     page.get_by_label("Image width seen under").fill("20")
     page.get_by_role("button", name="Render it").click()
     expect(page.get_by_text("It keeps 50 spp of an earlier job.")).to_be_visible()
     new = farm.jobs.get(page.url.rpartition("/")[2])
-    # What was cleared is as it is by default
-    view = new.spec.view
-    assert (view.field_of_view_deg, view.pixels_per_degree) == (20, None)
+    assert (new.spec.view.field_of_view_deg, new.spec.view.pixels_per_degree) == (20, 57)
     with farm.monitor():
         until(lambda: farm.jobs.get(new.id).finished_at is not None, 60)
     assert farm.jobs.get(new.id).points
