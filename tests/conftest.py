@@ -16,6 +16,7 @@ import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 
@@ -148,6 +149,11 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
     client = connect(redis_url)
     yield client
     client.close()
+
+
+@pytest.fixture
+def jobs(client: redis.Redis) -> Jobs:
+    return Jobs(client)
 
 
 @pytest.fixture(scope="session")

@@ -5,14 +5,9 @@ from collections.abc import Iterator
 import pytest
 
 from tests.support.processes.mitsuba_process import MitsubaProcess
-from tests.support.variants import VARIANTS, library_for
+from tests.worker.conftest import mitsuba
 
-
-@pytest.fixture(scope="module", params=VARIANTS)
-def mitsuba(request: pytest.FixtureRequest) -> Iterator[MitsubaProcess]:
-    variant: str = request.param
-    with MitsubaProcess(variant, library_for(variant)) as process:
-        yield process
+__all__ = ["mitsuba"]
 
 
 @pytest.fixture(scope="module")
