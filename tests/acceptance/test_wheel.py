@@ -204,10 +204,9 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(built:
 def test_whoever_builds_it_gets_the_same_bytes(sources: Path, built: Path, tmp_path: Path) -> None:
     # Given the same files elsewhere, of another day and for others' eyes
     copy = shutil.copytree(sources, tmp_path / "of-another", symlinks=True)
-    for path in copy.rglob("*"):
-        if path.is_file():
-            path.chmod(0o600)
-            os.utime(path, (1_000_000_000, 1_000_000_000))
+    for path in filter(Path.is_file, copy.rglob("*")):
+        path.chmod(0o600)
+        os.utime(path, (1_000_000_000, 1_000_000_000))
     # When they are built
     uv("build", "--out-dir", tmp_path / "again", copy)
 

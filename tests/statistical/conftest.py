@@ -1,16 +1,5 @@
-"""The real renderer, in each variant that this machine can test."""
+"""The real renderer, as the tests of workers have it."""
 
-from collections.abc import Iterator
+from tests.worker.conftest import mitsuba, scalar
 
-import pytest
-
-from tests.support.processes.mitsuba_process import MitsubaProcess
-from tests.worker.conftest import mitsuba
-
-__all__ = ["mitsuba"]
-
-
-@pytest.fixture(scope="module")
-def scalar() -> Iterator[MitsubaProcess]:
-    with MitsubaProcess("scalar_rgb") as process:
-        yield process
+__all__ = ["mitsuba", "scalar"]
