@@ -92,7 +92,7 @@ def test_another_rule_zones_and_denoising(form: Page, farm: NoiseFarm, scene: Pa
     form.get_by_role("button", name="The paper As").click()
     expect(form.get_by_label("Or image width seen under")).to_have_value("45")
     form.get_by_label("Slope to stop at").fill("0.5")
-    expect(form.get_by_label("All over the frame")).to_be_checked()
+    expect(form.get_by_role("radio", name="All over the frame Every")).to_be_checked()
     size, guides = form.get_by_label("Side of a zone"), form.get_by_label("With guides")
     expect(size).to_be_hidden()
     form.get_by_label("To the zones that need them").check()

@@ -68,7 +68,9 @@ def test_rows_of_one_scene_are_told_apart(visit: Visit, farm: NoiseFarm) -> None
     expect(row(visitor.page, bright.id)).to_contain_text("intensity 40 · rule fixed")
     expect(row(visitor.page, zones.id)).to_contain_text("by zones")
     # The size of an image is said once
-    expect(row(visitor.page, sized.id).locator(".asked")).to_have_text("32 × 24 · depth 3")
+    expect(row(visitor.page, sized.id).locator(".asked")).to_have_text(
+        "32 × 24 · depth 3 · rule visible"
+    )
 
 
 def test_the_jobs_of_a_batch_are_together(page: Page, farm: NoiseFarm) -> None:
