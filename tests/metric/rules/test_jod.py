@@ -151,3 +151,13 @@ class TestTheRule:
         verdict = Jod().judge(one)
         assert verdict.value is None
         assert "no two halves" in verdict.reason
+
+
+def test_an_image_without_any_light_is_never_good_enough():
+    black, rule = np.zeros_like(RAMP), Jod()
+    verdicts = [rule.judge(evidence(spp, sigma=0, truth=black)) for spp in (200, 400, 600)]
+    assert not any(verdict.stop for verdict in verdicts)
+    assert "the image is black" in verdicts[-1].reason
+    # One without noise is, and its reason says what it cannot know
+    still = [rule.judge(evidence(spp, sigma=0)) for spp in (800, 1000)][-1]
+    assert (still.stop, "no sample differs" in still.reason) == (True, True)
