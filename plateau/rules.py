@@ -142,6 +142,8 @@ class StoppingRule:
     unit: ClassVar[str] = ""
     #: Whether that is the quality by ColorVideoVDP: jobs with the rule have a map of it.
     by_quality: ClassVar[bool] = False
+    #: Whether it needs four independent parts of the slices: of whole frames, as rendered.
+    by_quarters: ClassVar[bool] = False
     #: The fewest pixels across and down of an image that it can judge.
     least_side: ClassVar[int] = 1
 

@@ -11,12 +11,7 @@ if TYPE_CHECKING:
     from plateau.metric.allocation import Allocation, plan_round
     from plateau.metric.blend import Blend, BlendError, Denoise, blend_error, blended
     from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
-    from plateau.metric.estimate import (
-        Estimate,
-        allowed_pixels,
-        estimate_from,
-        half_buffer_estimate,
-    )
+    from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
     from plateau.metric.focus import focus_plane
     from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
@@ -40,7 +35,8 @@ if TYPE_CHECKING:
     from plateau.metric.rules.reverse import Reverse
     from plateau.metric.rules.successive import Successive
     from plateau.metric.rules.visible import Visible
-    from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
+    from plateau.metric.standard_error import Quarters
+    from plateau.metric.vdp import Difference, Percept, VisibleDifferences
 
 __all__ = [
     "MAP_PALETTE",
@@ -66,6 +62,7 @@ __all__ = [
     "NonFinite",
     "Percept",
     "Primaries",
+    "Quarters",
     "Reverse",
     "Rule",
     "Successive",
@@ -82,21 +79,19 @@ __all__ = [
     "encode_srgb",
     "estimate_from",
     "focus_plane",
-    "half_buffer_estimate",
     "heat_map",
     "noise_map",
     "non_finite_map",
     "non_finite_pixels",
     "plan_round",
     "samples_map",
-    "visible_differences",
 ]
 
 _HOMES: Final = {
     "allocation": ("Allocation", "plan_round"),
     "blend": ("Blend", "BlendError", "Denoise", "blend_error", "blended"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
-    "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
+    "estimate": ("Estimate", "allowed_pixels", "estimate_from"),
     "focus": ("focus_plane",),
     "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
@@ -120,7 +115,8 @@ _HOMES: Final = {
     "rules.reverse": ("Reverse",),
     "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
-    "vdp": ("Difference", "Percept", "VisibleDifferences", "visible_differences"),
+    "standard_error": ("Quarters",),
+    "vdp": ("Difference", "Percept", "VisibleDifferences"),
 }
 _HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}
 
