@@ -8,14 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from plateau.metric.allocation import Allocation, plan_round
     from plateau.metric.blend import Blend, BlendError, Denoise, blend_error, blended
-    from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
-    from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
+    from plateau.metric.display import Image, Mask, View, encode_srgb
+    from plateau.metric.estimate import Estimate, allowed_pixels
     from plateau.metric.focus import focus_plane
     from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
-    from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
+    from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
         MAP_PALETTE,
         SAMPLES_PALETTE,
@@ -26,14 +25,8 @@ if TYPE_CHECKING:
         samples_map,
     )
     from plateau.metric.rules import create_rule
-    from plateau.metric.rules.base import Json, Memory, Rule, Verdict
+    from plateau.metric.rules.base import Memory, Rule, Verdict
     from plateau.metric.rules.evidence import Evidence
-    from plateau.metric.rules.fixed import Fixed
-    from plateau.metric.rules.jod import Jod
-    from plateau.metric.rules.multiple import Multiple
-    from plateau.metric.rules.myszkowski import Myszkowski
-    from plateau.metric.rules.reverse import Reverse
-    from plateau.metric.rules.successive import Successive
     from plateau.metric.rules.visible import Visible
     from plateau.metric.standard_error import Quarters
     from plateau.metric.vdp import Difference, Percept, VisibleDifferences
@@ -41,31 +34,21 @@ if TYPE_CHECKING:
 __all__ = [
     "MAP_PALETTE",
     "SAMPLES_PALETTE",
-    "Allocation",
     "Blend",
     "BlendError",
     "Denoise",
     "Difference",
     "Estimate",
     "Evidence",
-    "Fixed",
     "Forecast",
     "Half",
     "Image",
-    "Jod",
-    "Json",
     "Mask",
     "Memory",
-    "Multiple",
-    "Myszkowski",
     "NoiseModel",
-    "NonFinite",
     "Percept",
-    "Primaries",
     "Quarters",
-    "Reverse",
     "Rule",
-    "Successive",
     "Verdict",
     "View",
     "Visible",
@@ -77,25 +60,22 @@ __all__ = [
     "create_rule",
     "difference_map",
     "encode_srgb",
-    "estimate_from",
     "focus_plane",
     "heat_map",
     "noise_map",
     "non_finite_map",
     "non_finite_pixels",
-    "plan_round",
     "samples_map",
 ]
 
 _HOMES: Final = {
-    "allocation": ("Allocation", "plan_round"),
     "blend": ("Blend", "BlendError", "Denoise", "blend_error", "blended"),
-    "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
-    "estimate": ("Estimate", "allowed_pixels", "estimate_from"),
+    "display": ("Image", "Mask", "View", "encode_srgb"),
+    "estimate": ("Estimate", "allowed_pixels"),
     "focus": ("focus_plane",),
     "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
-    "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
+    "non_finite": ("allowed_non_finite", "non_finite_pixels"),
     "pictures": (
         "MAP_PALETTE",
         "SAMPLES_PALETTE",
@@ -106,14 +86,8 @@ _HOMES: Final = {
         "samples_map",
     ),
     "rules": ("create_rule",),
-    "rules.base": ("Json", "Memory", "Rule", "Verdict"),
+    "rules.base": ("Memory", "Rule", "Verdict"),
     "rules.evidence": ("Evidence",),
-    "rules.fixed": ("Fixed",),
-    "rules.jod": ("Jod",),
-    "rules.multiple": ("Multiple",),
-    "rules.myszkowski": ("Myszkowski",),
-    "rules.reverse": ("Reverse",),
-    "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
     "standard_error": ("Quarters",),
     "vdp": ("Difference", "Percept", "VisibleDifferences"),

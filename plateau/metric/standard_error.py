@@ -2,9 +2,8 @@
 
 The slices form four quarters, whose means are the truth plus independent errors. Half the squared
 difference of two quarters, scaled to all samples, is the squared error of the merged image without
-bias: what remains of it against the truth is products of errors of different quarters. Products of
-differences without a common quarter are of that kind, and say how far off the estimate may be. Few
-bright samples cancel in it, since they are in the image as well.
+bias: it differs from the true one by products of errors of different quarters alone. Products of
+differences without a common quarter are of that kind, and say how far off the estimate may be.
 
 The differences within the even and within the odd slices judge (two of the three contrasts of four
 quarters), and the contrast of even and odd slices decides. So no estimate is reported because it
@@ -41,7 +40,6 @@ FEW = 1e-4
 #: Sides in pixels: a pixel's noise is that of its tile; noise of two blocks is independent.
 TILE, BLOCK = 8, 16
 _BAND = 8 * BLOCK  # rows at a time
-_MOST_FREEDOM = 1e9  # where there is no noise
 _NORMAL = 1.96  # deviations that hold 95 % of a normal distribution
 
 
@@ -56,6 +54,11 @@ class Quarters:
     #: The linear light of the display of such an image: that of a scene's view transform.
     see: Callable[[Image], Image]
 
+    @property
+    def have_light(self) -> bool:
+        """Whether a finite pixel is brighter than black."""
+        return any(bool((np.isfinite(mean) & (mean > 0)).any()) for mean in self.means)
+
 
 @dataclass(frozen=True, eq=False)
 class SquaredError:
@@ -67,7 +70,7 @@ class SquaredError:
     high: float
     #: It is at most this in 97.5 of 100 cases, by the samples that decide.
     sure: float
-    #: As many independent normal errors of one size would be as uncertain.
+    #: As many independent normal errors of one size would be as uncertain, 1 to 1e9.
     freedom: float
     #: What `FEW` of the pixels hold of it, in [0, 1].
     few_share: float
@@ -76,10 +79,7 @@ class SquaredError:
     tiles: tuple[NDArray[np.float64], ...] = field(repr=False)
 
     def at_share(self, share: float) -> tuple[float, ...]:
-        """Return the mean of a tile that this share of them has at most, as the fields are.
-
-        The interval is that of an order statistic: what share of the tiles has more is uncertain.
-        """
+        """Return mean, low, high and sure of the tile of which a share of them has no more."""
         judged, decided = self.tiles
         spread = _NORMAL * math.sqrt(share * (1 - share) / judged.size)
         low, high = max(share - spread, 0.0), min(share + spread, 1.0)
@@ -103,11 +103,11 @@ def squared_error(
 
     Notes
     -----
-    With f degrees of freedom the truth over the estimate is about F(f, 2f), and over that of the
-    deciding samples F(f, f); f is the square of the mean over Σ cov², summed over all pairs of
-    pixels and channels within blocks. Where hits are so rare that no block has two of them in
-    different quarters, Σ cov² is at least that of light that falls anywhere in its block. With b
-    blocks that matter, normal deviations are those of Student's t with 2b degrees of freedom.
+    The degrees of freedom f are the square of the mean over Σ cov², summed over all pairs of pixels
+    and channels within blocks. The logarithm of the truth over the estimate has a variance of about
+    3/f, and over that of the deciding samples 4/f. Where hits are so rare that no block has two of
+    them in different quarters, Σ cov² is at least that of light that falls anywhere in its block.
+    With b blocks that matter, deviations are those of Student's t with 2b degrees of freedom.
 
     References
     ----------
@@ -122,37 +122,34 @@ def squared_error(
     >>> bool(found.low < np.square(noise.mean(axis=0)).mean() < found.high)
     True
     """
-    rows = range(0, len(quarters.means[0]), _BAND)
     bands = (
         _band([mean[top : top + _BAND] for mean in quarters.means], quarters.slices, weight)
-        for top in rows
+        for top in range(0, len(quarters.means[0]), _BAND)
     )
     finite, judged, decided, *crossed = map(np.concatenate, zip(*bands, strict=True))
-    pixels = int(np.count_nonzero(finite))
-    held, other = (float(one.sum(dtype=np.float64)) for one in (judged, decided))
+    pixels = zone_sums(finite, BLOCK)
+    values = 3 * float(pixels.sum()) or 1.0
+    held, other = (max(float(one.sum(dtype=np.float64)), 0.0) for one in (judged, decided))
     few = max(1, math.ceil(FEW * judged.size))
     most = float(np.partition(judged, -few, axis=None)[-few:].sum(dtype=np.float64))
-    mean, other = (max(one, 0.0) / (3 * pixels or 1) for one in (held, other))
-    both = (2 * mean + other) / 3 * (3 * pixels)
 
     squares = np.mean([np.square(zone_sums(one, BLOCK)) for one in crossed], axis=0)
-    anywhere = np.square(zone_sums(judged, BLOCK)) / (3 * np.maximum(zone_sums(finite, BLOCK), 1))
+    anywhere = np.square(zone_sums(judged, BLOCK)) / (3 * np.maximum(pixels, 1))
     squares = max(squares, anywhere, key=np.sum)
-    summed = float(squares.sum())
+    summed, whole = float(squares.sum()), (2 * held + other) / 3
     blocks = summed**2 / float(np.square(squares).sum()) if summed else math.inf
-    uncertain = summed + (both * model_error(mean)) ** 2 / 3
-    freedom = min(max(both**2 / uncertain, 1.0), _MOST_FREEDOM) if uncertain else _MOST_FREEDOM
-    z = _NORMAL + 1.2 / blocks
-    low, high = (mean * ratio_quantile(one, freedom, 2 * freedom) for one in (-z, z))
+    uncertain = summed + (whole * model_error(held / values)) ** 2 / 3
+    freedom = max(whole**2 / max(uncertain, 1e-9 * whole**2), 1.0) if whole else 1e9
+    z = (_NORMAL + 1.2 / blocks) / math.sqrt(freedom)
     counts = 3 * np.maximum(zone_sums(finite, TILE), 1)
     return SquaredError(
-        mean=mean,
-        low=low,
-        high=high,
-        sure=other * ratio_quantile(z, freedom, freedom),
+        mean=held / values,
+        low=held / values * math.exp(-z * math.sqrt(3)),
+        high=held / values * math.exp(z * math.sqrt(3)),
+        sure=other / values * math.exp(2 * z),
         freedom=freedom,
-        few_share=most / held if held > 0 else 0.0,
-        non_finite=finite.size - pixels,
+        few_share=most / held if held else 0.0,
+        non_finite=finite.size - int(np.count_nonzero(finite)),
         tiles=tuple(np.maximum(zone_sums(one, TILE), 0) / counts for one in (judged, decided)),
     )
 
@@ -190,27 +187,17 @@ def plain(_planes: list[Any], _slices: Sequence[int]) -> Callable[[int, int], An
 def relative(planes: list[Any], _slices: Sequence[int]) -> Callable[[int, int], Any]:
     """Divide by truth² + ε: relMSE.
 
-    The truth is taken from the quarters that are not in the difference, as noise that is in both
-    biases the ratio: of a firefly it would make a small error. What the curve of 1/x² makes of
-    their own noise is taken away by the jackknife.
+    The truth is taken from the quarters that are not in the difference: of a firefly in both, the
+    ratio would make a small error. What the curve of 1/x² makes of their own noise, the jackknife
+    takes away. It leaves about the square of that, (8 relMSE)² of the whole.
     """
-    apart = [_inverse(plane) for plane in planes]
+    apart = [1 / (np.square(plane) + np.float32(EPSILON)) for plane in planes]
     both = {
-        pair: 2 * _inverse((planes[pair[0]] + planes[pair[1]]) / 2)
-        - (apart[pair[0]] + apart[pair[1]]) / 2
-        for pair in combinations(range(4), 2)
+        (i, j): 2 / (np.square((planes[i] + planes[j]) / 2) + np.float32(EPSILON))
+        - (apart[i] + apart[j]) / 2
+        for i, j in combinations(range(4), 2)
     }
     return lambda one, other: both[one, other]
-
-
-def _inverse(plane: Plane) -> Plane:
-    inverse: Plane = 1 / (np.square(plane) + np.float32(EPSILON))
-    return inverse
-
-
-def relative_error(mean: float) -> float:
-    """Return what the jackknife of `relative` leaves: about the square of what it takes."""
-    return (8 * mean) ** 2
 
 
 def on_display(show: Callable[[Image], Image]) -> Weight:
@@ -233,25 +220,3 @@ def on_display(show: Callable[[Image], Image]) -> Weight:
         return lambda _one, _other: slope
 
     return weight
-
-
-def ratio_quantile(z: float, freedom: float, other: float) -> float:
-    """Return the quantile of Fisher's F at `z` normal deviations: a ratio of two mean squares.
-
-    References
-    ----------
-    E. Paulson, An approximate normalization of the analysis of variance distribution, Annals of
-    Mathematical Statistics 13(2), 1942.
-
-    Examples
-    --------
-    >>> [round(ratio_quantile(z, 20, 40), 2) for z in (-1.96, 1.96)]  # as in tables
-    [0.44, 2.07]
-    """
-    b, d = 2 / (9 * freedom), 2 / (9 * other)
-    a, c = 1 - b, 1 - d
-    below = c * c - z * z * d
-    if below <= 0:
-        return math.inf
-    root = math.sqrt(c * c * b + a * a * d - z * z * b * d)
-    return max((a * c + z * root) / below, 0.0) ** 3

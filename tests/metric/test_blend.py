@@ -14,9 +14,9 @@ from plateau.metric import (
     Visible,
     VisibleDifferences,
     blended,
-    estimate_from,
 )
 from plateau.metric.denoise import smoothed
+from plateau.metric.estimate import estimate_from
 
 VIEW = View(field_of_view_deg=20)
 SIZE = 128

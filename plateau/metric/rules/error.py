@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.metric.rules.base import Rule, Verdict
 from plateau.metric.rules.reasons import left_out
-from plateau.rules import MOST_SPP, ParameterRole, parameter
+from plateau.rules import MOST_SPP, ParameterRole, least_spp, parameter
 
 if TYPE_CHECKING:
     from plateau.metric.rules.evidence import Evidence
-    from plateau.metric.standard_error import SquaredError
+    from plateau.metric.standard_error import Quarters, SquaredError
 
 #: From this share on, the few pixels that hold so much of the error are named fireflies.
 _FIREFLIES = 0.1
-#: An image without any error has this PSNR, in dB.
-_MOST_DB = 200.0
 
 
 class Reading(NamedTuple):
@@ -30,67 +27,64 @@ class Reading(NamedTuple):
     sure: float  #: by the slices that decide: in 97.5 of 100 cases it is no worse
 
 
+def _target(
+    default: float, least: float, most: float, unit: str, what: str, *, scale: float = 1
+) -> float:
+    """Return the field of what a rule waits for, which is `what`."""
+    return parameter(
+        default,
+        least,
+        most,
+        description=f"{what} to reach",
+        label="To reach",
+        unit=unit,
+        help=f"{what.capitalize()} against the converged image.",
+        role=ParameterRole.VALUE_TARGET,
+        scale=scale,
+    )
+
+
 @dataclass(kw_only=True)
 class ErrorRule(Rule):
-    """Stops when the error of the merged image is surely no more than `target`.
+    """Stops when the error of the image against the converged one surely reaches `target`.
 
-    The error is that of this image against the converged one, which nobody has seen: see
-    `plateau.metric.standard_error`. Some samples judge, and others decide.
+    Nobody has seen the converged one, and yet the error of this very image is known: see
+    `plateau.metric.standard_error`. Some samples decide, and others say what is reached.
 
     Like every other rule, it cannot know of light that no path has found yet. It stores no image.
     """
 
-    featured: ClassVar[bool] = False
     by_quarters: ClassVar[bool] = True
+    #: The error in the rule's unit is this power of the squared one.
+    power: ClassVar[float] = 0.5
 
     target: float = 0.0  # each rule has its own
     #: Samples per pixel before which it does not stop.
-    min_spp: int = parameter(
-        200,
-        1,
-        MOST_SPP,
-        description="fewest samples per pixel at which the rule may stop",
-        label="Not before",
-        unit="spp",
-        help="Guards against light that is found late.",
-        role=ParameterRole.LEAST_SPP,
-    )
+    min_spp: int = least_spp("Guards against light that is found late.")
 
     _expected_spp: int | None = field(default=None, init=False, repr=False, compare=False)
-
-    @abstractmethod
-    def _error(self, evidence: Evidence) -> SquaredError:
-        """Return the squared error by this rule's weights; the evidence has quarters."""
-
-    @abstractmethod
-    def _reading(self, error: SquaredError) -> Reading:
-        """Return the error in the rule's unit."""
-
-    @abstractmethod
-    def _growth(self, error: float) -> float:
-        """Return by what the samples must grow from this error to the target: it falls as 1/n."""
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is surely reached; the value is the error."""
         self._expected_spp = None
-        lacking = _lacking(evidence)
-        if lacking:
-            return Verdict(stop=False, value=None, numbers={}, reason=lacking)
-        error = self._error(evidence)
+        if evidence.quarters is None or not evidence.quarters.have_light:
+            dark = "no light has been found yet: the image is black"
+            few = "there are no four slices yet to compare"
+            return Verdict(False, None, {}, few if evidence.quarters is None else dark)
+        error = self._error(evidence.quarters, evidence)
         reading = self._reading(error)
         growth = self._growth(reading.sure)
-        if math.isfinite(growth) and growth * evidence.spp < MOST_SPP:
+        if growth * evidence.spp < MOST_SPP:
             self._expected_spp = max(math.ceil(max(growth, 1) * evidence.spp), self.min_spp)
         return Verdict(
             stop=growth <= 1 and evidence.spp >= self.min_spp,
             value=reading.value,
             numbers={
-                **{name: _number(one) for name, one in reading._asdict().items()},
+                **reading._asdict(),
                 "freedom": error.freedom,
                 "few_share": error.few_share,
                 "non_finite_pixels": float(error.non_finite),
                 "target": self.target,
-                "min_spp": float(self.min_spp),
             },
             reason=self._reason(evidence, error, reading, passed=growth <= 1),
         )
@@ -100,17 +94,22 @@ class ErrorRule(Rule):
         forecast_spp: int | None,  # noqa: ARG002 - that of the noise left
         crossing_spp: int | None = None,  # noqa: ARG002
     ) -> int | None:
-        """Return where the error is surely expected to reach the target."""
+        """Return where the error surely reaches the target, as it falls with 1/n."""
         return self._expected_spp
 
-    def memory(self) -> Memory:
-        """Return nothing: the evidence alone decides."""
-        return Memory()
+    def _error(self, quarters: Quarters, evidence: Evidence) -> SquaredError:  # noqa: ARG002
+        """Return the squared error by this rule's weights: the relative one."""
+        from plateau.metric.standard_error import relative, squared_error
 
-    def recall(self, memory: Memory) -> None:
-        """Check that there is nothing to recall."""
-        if memory.numbers or memory.images:
-            raise ValueError(f"not a memory of the rule {self.name!r}, which remembers nothing")
+        return squared_error(quarters, relative, lambda mean: (8 * mean) ** 2)
+
+    def _reading(self, error: SquaredError) -> Reading:
+        found = (error.mean, error.low, error.high, error.sure)
+        return Reading(*(one**self.power for one in found))
+
+    def _growth(self, error: float) -> float:
+        """Return by what the samples must grow from this error to the target."""
+        return float((error / self.target) ** (1 / self.power))
 
     def _reason(
         self, evidence: Evidence, error: SquaredError, reading: Reading, *, passed: bool
@@ -131,58 +130,21 @@ class ErrorRule(Rule):
         return f"{words}; the target of {self.target:g} is surely reached{early}"
 
 
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _lacking(evidence: Evidence) -> str:
-    """Return why the error is not known; "" if it is."""
-    import numpy as np
-
-    if evidence.quarters is None:
-        return "there are no four slices yet to compare"
-    has_light = (bool((np.isfinite(one) & (one > 0)).any()) for one in evidence.quarters.means)
-    return "" if any(has_light) else "no light has been found yet: the image is black"
-
-
 @dataclass(kw_only=True)
 class Relmse(ErrorRule):
     """Stops by the relative mean squared error, the mean of (image - truth)²/(truth² + 0.01)."""
 
     name: ClassVar[str] = "relmse"
-    summary: ClassVar[str] = "Stop at a relative mean squared error (relMSE, ε = 0.01)."
     title: ClassVar[str] = "A relative error, for references"
-    help: ClassVar[str] = (
-        "Stops when the relative mean squared error against the converged image is surely small "
-        "enough, by independent parts of the samples."
-    )
+    summary: ClassVar[str] = "Stop when the relative mean squared error is surely so small."
+    help: ClassVar[str] = summary
     criterion: ClassVar[str] = "mean of (I_n − I_∞)²/(I_∞² + 0.01) surely ≤ `target`, n ≥ `min_spp`"
     order: ClassVar[int] = 10
     quantity: ClassVar[str] = "squared error"
     unit: ClassVar[str] = "relMSE"
+    power: ClassVar[float] = 1
 
-    target: float = parameter(
-        0.001,
-        1e-12,
-        1.0,
-        description="relative mean squared error to reach",
-        label="Error to reach",
-        unit="relMSE",
-        help="0.001: a relative error of some 3 %.",
-        role=ParameterRole.VALUE_TARGET,
-    )
-
-    def _error(self, evidence: Evidence) -> SquaredError:
-        from plateau.metric.standard_error import relative, relative_error, squared_error
-
-        assert evidence.quarters is not None
-        return squared_error(evidence.quarters, relative, relative_error)
-
-    def _reading(self, error: SquaredError) -> Reading:
-        return Reading(error.mean, error.low, error.high, error.sure)
-
-    def _growth(self, error: float) -> float:
-        return error / self.target
+    target: float = _target(0.001, 1e-12, 1.0, "relMSE", "the relative mean squared error")
 
 
 @dataclass(kw_only=True)
@@ -190,39 +152,20 @@ class Rmse(ErrorRule):
     """Stops by the root of the mean squared error of linear radiance."""
 
     name: ClassVar[str] = "rmse"
-    summary: ClassVar[str] = "Stop at a root mean squared error of linear radiance."
     title: ClassVar[str] = "An absolute error, for references"
-    help: ClassVar[str] = (
-        "Stops when the root mean squared error of radiance against the converged image is surely "
-        "small enough, by independent parts of the samples."
-    )
+    summary: ClassVar[str] = "Stop when the root mean squared error of radiance is surely so small."
+    help: ClassVar[str] = summary
     criterion: ClassVar[str] = "√ mean of (I_n − I_∞)² surely ≤ `target`, n ≥ `min_spp`"
     order: ClassVar[int] = 11
     quantity: ClassVar[str] = "RMSE"
     unit: ClassVar[str] = "radiance"
 
-    target: float = parameter(
-        0.01,
-        1e-9,
-        1e6,
-        description="root mean squared error to reach, in linear radiance",
-        label="Error to reach",
-        unit="radiance",
-        help="In the units of the image.",
-        role=ParameterRole.VALUE_TARGET,
-    )
+    target: float = _target(0.01, 1e-9, 1e6, "radiance", "the root mean squared error of radiance")
 
-    def _error(self, evidence: Evidence) -> SquaredError:
+    def _error(self, quarters: Quarters, evidence: Evidence) -> SquaredError:  # noqa: ARG002
         from plateau.metric.standard_error import plain, squared_error
 
-        assert evidence.quarters is not None
-        return squared_error(evidence.quarters, plain)
-
-    def _reading(self, error: SquaredError) -> Reading:
-        return Reading(*map(math.sqrt, (error.mean, error.low, error.high, error.sure)))
-
-    def _growth(self, error: float) -> float:
-        return (error / self.target) ** 2
+        return squared_error(quarters, plain)
 
 
 @dataclass(kw_only=True)
@@ -230,46 +173,30 @@ class Psnr(ErrorRule):
     """Stops by the peak signal-to-noise ratio of the image as it is shown, in sRGB values."""
 
     name: ClassVar[str] = "psnr"
-    summary: ClassVar[str] = "Stop at a peak signal-to-noise ratio of the displayed image, in dB."
     title: ClassVar[str] = "A PSNR, for references"
-    help: ClassVar[str] = (
-        "Stops when the peak signal-to-noise ratio of the displayed image against the converged "
-        "one is surely high enough, by independent parts of the samples."
-    )
+    summary: ClassVar[str] = "Stop when the PSNR of the displayed image is surely so high."
+    help: ClassVar[str] = summary
     criterion: ClassVar[str] = "PSNR(I_n, I_∞), displayed, surely ≥ `target` dB, n ≥ `min_spp`"
     order: ClassVar[int] = 12
     quantity: ClassVar[str] = "PSNR"
     unit: ClassVar[str] = "dB"
 
-    target: float = parameter(
-        40.0,
-        5.0,
-        120.0,
-        description="peak signal-to-noise ratio of the displayed image to reach, in dB",
-        label="PSNR to reach",
-        unit="dB",
-        help="40 dB: an error of 1 % of white.",
-        role=ParameterRole.VALUE_TARGET,
-    )
+    target: float = _target(40.0, 5.0, 120.0, "dB", "the PSNR of the displayed image in dB")
 
-    def _error(self, evidence: Evidence) -> SquaredError:
+    def _error(self, quarters: Quarters, evidence: Evidence) -> SquaredError:
         from plateau.metric.display import displayed, srgb_encoded
         from plateau.metric.standard_error import DISPLAY_ERROR, on_display, squared_error
 
-        quarters, view = evidence.quarters, evidence.metric.view
-        assert quarters is not None
+        view = evidence.metric.view
         weight = on_display(lambda image: srgb_encoded(displayed(quarters.see(image), view)))
         return squared_error(quarters, weight, lambda _: DISPLAY_ERROR)
 
     def _reading(self, error: SquaredError) -> Reading:
-        return Reading(*map(_decibels, (error.mean, error.high, error.low, error.sure)))
+        found = (error.mean, error.high, error.low, error.sure)
+        return Reading(*(-10 * math.log10(max(one, 1e-20)) for one in found))
 
     def _growth(self, error: float) -> float:
         return float(10 ** ((self.target - error) / 10))
-
-
-def _decibels(error: float) -> float:
-    return min(-10 * math.log10(max(error, 1e-30)), _MOST_DB)
 
 
 @dataclass(kw_only=True)
@@ -280,29 +207,16 @@ class Noise(ErrorRule):
     """
 
     name: ClassVar[str] = "noise"
-    summary: ClassVar[str] = "Stop at a relative standard error that most pixels have at most."
-    title: ClassVar[str] = "A noise level"
-    help: ClassVar[str] = (
-        "Stops when the relative standard error of nearly every pixel is small enough: the noise "
-        "level or threshold of other renderers."
-    )
-    criterion: ClassVar[str] = (
-        "the relative standard error is surely ≤ `target` at a `share` of the pixels, n ≥ `min_spp`"
-    )
+    title: ClassVar[str] = "A noise level, as of other renderers"
+    summary: ClassVar[str] = "Stop when most pixels surely have so small a relative standard error."
+    help: ClassVar[str] = summary
+    criterion: ClassVar[str] = "standard error / I_∞ surely ≤ `target` in a `share` of the pixels"
     order: ClassVar[int] = 13
     quantity: ClassVar[str] = "standard error"
     unit: ClassVar[str] = "of the light"
 
-    target: float = parameter(
-        0.03,
-        1e-6,
-        1.0,
-        description="relative standard error that pixels may have",
-        label="Noise level",
-        unit="%",
-        scale=0.01,
-        help="Of the light of each pixel.",
-        role=ParameterRole.VALUE_TARGET,
+    target: float = _target(
+        0.03, 1e-6, 1.0, "%", "the relative standard error of pixels", scale=0.01
     )
     #: Of the pixels, which have at most this noise.
     share: float = parameter(
@@ -316,14 +230,5 @@ class Noise(ErrorRule):
         help="The others may have more.",
     )
 
-    def _error(self, evidence: Evidence) -> SquaredError:
-        from plateau.metric.standard_error import relative, squared_error
-
-        assert evidence.quarters is not None
-        return squared_error(evidence.quarters, relative)
-
     def _reading(self, error: SquaredError) -> Reading:
         return Reading(*map(math.sqrt, error.at_share(self.share)))
-
-    def _growth(self, error: float) -> float:
-        return (error / self.target) ** 2
