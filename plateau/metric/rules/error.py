@@ -101,7 +101,7 @@ class ErrorRule(Rule):
         """Return the squared error by this rule's weights: the relative one."""
         from plateau.metric.standard_error import relative, squared_error
 
-        return squared_error(quarters, relative, lambda mean: (8 * mean) ** 2)
+        return squared_error(quarters, relative, lambda mean: (12 * mean) ** 2)
 
     def _reading(self, error: SquaredError) -> Reading:
         found = (error.mean, error.low, error.high, error.sure)
