@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plateau.metric.cvvdp import ColorVideoVDP, Display
+from plateau.metric.cvvdp.parameters import JOD_EXPONENT
 from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
 BEST_JOD = 10.0
 #: The share of what is lost by which the estimate may be off, in nine cases of ten.
 MODEL_ERROR = 0.05
+#: The same for a denoised image, whose error has not quite the shape of the noise in its place.
+DENOISED_ERROR = 0.15
+#: Side of a block in pixels: farther than the error of a denoised image is pooled over.
+BLOCK = 32
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
 #: Evaluations in a forecast; each costs one comparison.
@@ -62,7 +67,9 @@ class QualityModel:
     view
         The screen, the room and the distance.
     zone_size
-        Side of zones in pixels: the quality has their shares, and no map.
+        Side of zones in pixels: the quality has their shares.
+    heat
+        Whether the quality has its map.
 
     Raises
     ------
@@ -85,21 +92,20 @@ class QualityModel:
     True
     """
 
-    def __init__(self, model: NoiseModel, view: View, *, zone_size: int | None = None) -> None:
+    def __init__(
+        self, model: NoiseModel, view: View, *, zone_size: int | None = None, heat: bool = True
+    ) -> None:
         self._model, self._view = model, view
         self._eye = ColorVideoVDP(display_of(view, model.clean.shape[1]))
         self._clean = self._eye.percept(displayed(model.clean, view))
-        has_heat = zone_size is None
-        both = [
-            self._compared(amount, heat=has_heat, zone_size=zone_size) for amount in (1.0, -1.0)
-        ]
+        both = [self._compared(amount, heat=heat, zone_size=zone_size) for amount in (1.0, -1.0)]
         lost = BEST_JOD - min(one.jod for one in both)
-        heat = [one.heat for one in both if one.heat is not None]
+        maps = [one.heat for one in both if one.heat is not None]
         zones = [one.zones for one in both if one.zones is not None]
         self.quality = Quality(
             jod=sum(one.jod for one in both) / 2,
             low_jod=BEST_JOD - lost * (1 + MODEL_ERROR),
-            heat=(heat[0] + heat[1]) / np.float32(2) if heat else None,
+            heat=(maps[0] + maps[1]) / np.float32(2) if maps else None,
             zones=(zones[0] + zones[1]) / 2 if zones else None,
         )
 
@@ -134,6 +140,39 @@ class QualityModel:
             here = _log_lost(self.at(math.exp(-place / 2)))
             power = max((start - here) / place, FIRST_POWER / 4) if place else power
         return math.ceil(spp * math.exp(place))
+
+
+def doubted(likely: Quality, greatest: Quality) -> float:
+    """Return the least quality of an image, in JOD, whose error is measured with doubt.
+
+    Parameters
+    ----------
+    likely
+        The quality by the error that is likely, with the shares of its blocks.
+    greatest
+        The quality by two standard errors more at each place, with those shares.
+
+    Notes
+    -----
+    Other pixels measure the error of each block, so doubts of blocks add as their squares do. With
+    the shares L_z of Q⁴ and M_z = L_z / √Σ L, Q² is Σ M_z up to a factor, and surely no more than
+    Σ M_z + √Σ ΔM_z², where ΔM_z is what the greatest error adds. A larger image leaves less doubt.
+
+    Examples
+    --------
+    >>> likely, greatest = (Quality(9.5, 9.4, zones=np.full((2, 4, 4), n)) for n in (1.0, 2.0))
+    >>> round(doubted(likely, greatest), 2)
+    9.4
+    """
+    assert likely.zones is not None  # as asked
+    assert greatest.zones is not None
+    lost, more = likely.zones[0], greatest.zones[0]
+    if not lost.any():
+        return greatest.low_jod
+    parts, with_doubt = (one / math.sqrt(one.sum()) for one in (lost, more))
+    ratio = 1 + float(np.linalg.norm(with_doubt - parts)) / float(parts.sum())
+    most = (BEST_JOD - likely.jod) * float(ratio ** (JOD_EXPONENT / 2))
+    return BEST_JOD - most * (1 + DENOISED_ERROR)
 
 
 def _log_lost(jod: float) -> float:

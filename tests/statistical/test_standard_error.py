@@ -1,7 +1,7 @@
 """The error that a rule reports is that against the truth, which it never sees.
 
 Renders of a known image with known noise: normal, smeared by a filter, with heavy tails, and with
-fireflies. Seeds are fixed, so that no verdict changes. The short form takes 40 renders of each;
+fireflies. Seeds are fixed, so that no verdict changes. The short form takes 24 renders of each;
 ``LONG_TESTS=1`` takes the 400 of docs/science/stopping.md.
 """
 
@@ -19,9 +19,9 @@ from tests.support.long_tests import WANTED
 
 Floats = NDArray[Any]
 METRIC = VisibleDifferences(View())
-RUNS = 400 if WANTED else 40
-#: Of 40 runs, 33 are fewer than one in 10,000 intervals of 95 % would hold.
-FEWEST = 0.93 if WANTED else 33 / 40
+RUNS = 400 if WANTED else 24
+#: Of 24 runs, fewer than 18 are held by intervals of 95 % once in 10,000 times.
+FEWEST = 0.93 if WANTED else 18 / 24
 MEASURES = ["relmse", "rmse", "psnr"]
 
 

@@ -12,7 +12,7 @@ from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
-from plateau.metric.quality import Quality, QualityModel
+from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
 from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
@@ -111,20 +111,22 @@ class Evidence:
     def quality(self) -> Quality | None:
         """The quality by ColorVideoVDP; None where the image's error is not known.
 
-        That of a denoised image is at least what its greatest error leaves of it. An image of less
-        than 4 by 4 pixels has none.
+        That of a denoised image is at least what the doubt about its error leaves of it. An image
+        of less than 4 by 4 pixels has none.
         """
         model = self._quality_model
         if model is None or self.error is None:
             return None if model is None else model.quality
-        greatest = QualityModel(self.error.greatest, self.metric.view).quality
-        return replace(model.quality, low_jod=min(model.quality.low_jod, greatest.low_jod))
+        view, greatest = self.metric.view, self.error.greatest
+        most = QualityModel(greatest, view, zone_size=BLOCK, heat=False).quality
+        return replace(model.quality, low_jod=doubted(model.quality, most), zones=None)
 
     @cached_property
     def _quality_model(self) -> QualityModel | None:
         if self._model is None or not self._has_quality:
             return None
-        return QualityModel(self._model[0], self.metric.view)
+        zone_size = None if self.error is None else BLOCK
+        return QualityModel(self._model[0], self.metric.view, zone_size=zone_size)
 
     @property
     def _has_quality(self) -> bool:
