@@ -77,9 +77,9 @@ def test_above_white_noise_is_no_error_of_the_display():
     assert verdict("psnr", evidence(400)).value < 40
 
 
-def test_slices_that_are_not_in_fours_are_weighed():
+def test_quarters_of_other_numbers_of_slices_are_weighed():
     seen = evidence(400)
-    rng, slices = np.random.default_rng(5), [13, 13, 12, 12]
+    rng, slices = np.random.default_rng(5), [35, 5, 5, 5]
     means = [(GREY + rng.normal(0, 0.1 / n**0.5, GREY.shape)).astype(np.float32) for n in slices]
     seen = Evidence(400, GREY, None, METRIC, quarters=Quarters(means, slices, lambda x: x))
     assert verdict("rmse", seen).value == pytest.approx(0.1 / 50**0.5, rel=0.05)
