@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from plateau.metric import (
-    Evidence,
-    Multiple,
-    Myszkowski,
-    Successive,
-    VisibleDifferences,
-)
+from plateau.metric import Evidence, VisibleDifferences
+from plateau.metric.rules.multiple import Multiple
+from plateau.metric.rules.myszkowski import Myszkowski
+from plateau.metric.rules.successive import Successive
 from tests.support.images import PAPER
 
 METRIC = VisibleDifferences(PAPER)

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Jod, View, VisibleDifferences
+from plateau.metric import Evidence, Half, View, VisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import QualityModel, display_of
+from plateau.metric.rules.jod import Jod
 from tests.support.images import PAPER
 
 SIDE = 64

@@ -7,8 +7,9 @@ no others, so any curve can be told as a story of images.
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Memory, Reverse, VisibleDifferences
+from plateau.metric import Evidence, Memory, VisibleDifferences
 from plateau.metric.rules.line import least_squares_slope
+from plateau.metric.rules.reverse import Reverse
 from tests.support.images import PAPER
 
 METRIC = VisibleDifferences(PAPER)

@@ -6,16 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from plateau.metric import (
-    Evidence,
-    Fixed,
-    Half,
-    Memory,
-    Reverse,
-    VisibleDifferences,
-    create_rule,
-)
+from plateau.metric import Evidence, Half, Memory, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.rules.fixed import Fixed
+from plateau.metric.rules.reverse import Reverse
 from plateau.rules import rules
 from tests.support.images import PAPER
 
