@@ -24,7 +24,8 @@ EPOCH = datetime.fromtimestamp(0, timezone.utc)
 
 def made_job(**fields: Any) -> Job:
     """A job, rendering since 1970, with these fields; those of its spec under `spec`."""
-    spec = JobSpec.model_validate(FRAMES | fields.pop("spec", {}))
+    given = fields.pop("spec", {})
+    spec = given if isinstance(given, JobSpec) else JobSpec.model_validate(FRAMES | given)
     usual: dict[str, Any] = {
         "id": "0" * 12,
         "name": "box",
