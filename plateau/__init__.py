@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         SuccessiveSpec,
         ViewSpec,
         VisibleSpec,
+        WorstSpec,
     )
     from plateau.farm.model.states import JobState
     from plateau.rendering.render import RenderFailed, render
@@ -78,6 +79,7 @@ __all__ = [
     "Unreachable",
     "ViewSpec",
     "VisibleSpec",
+    "WorstSpec",
     "__version__",
     "render",
 ]

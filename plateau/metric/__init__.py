@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from plateau.metric.rules.reverse import Reverse
     from plateau.metric.rules.successive import Successive
     from plateau.metric.rules.visible import Visible
+    from plateau.metric.rules.worst import Worst
     from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
 
 __all__ = [
@@ -73,6 +74,7 @@ __all__ = [
     "View",
     "Visible",
     "VisibleDifferences",
+    "Worst",
     "allowed_non_finite",
     "allowed_pixels",
     "blend_error",
@@ -120,6 +122,7 @@ _HOMES: Final = {
     "rules.reverse": ("Reverse",),
     "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
+    "rules.worst": ("Worst",),
     "vdp": ("Difference", "Percept", "VisibleDifferences", "visible_differences"),
 }
 _HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}

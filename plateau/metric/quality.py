@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plateau.metric.cvvdp import ColorVideoVDP, Display
 from plateau.metric.display import displayed
+from plateau.metric.places import worst_place
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,19 +95,36 @@ class QualityModel:
         both = [
             self._compared(amount, heat=has_heat, zone_size=zone_size) for amount in (1.0, -1.0)
         ]
-        lost = BEST_JOD - min(one.jod for one in both)
-        heat = [one.heat for one in both if one.heat is not None]
         zones = [one.zones for one in both if one.zones is not None]
-        self.quality = Quality(
-            jod=sum(one.jod for one in both) / 2,
-            low_jod=BEST_JOD - lost * (1 + MODEL_ERROR),
-            heat=(heat[0] + heat[1]) / np.float32(2) if heat else None,
-            zones=(zones[0] + zones[1]) / 2 if zones else None,
+        self._heats = [one.heat for one in both if one.heat is not None]
+        self.quality = self._of_both(
+            [one.jod for one in both], (zones[0] + zones[1]) / 2 if zones else None
         )
 
-    def at(self, amount: float) -> float:
-        """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
-        return self._compared(amount).jod
+    def _of_both(self, jods: list[float], zones: NDArray[np.float64] | None = None) -> Quality:
+        heats = self._heats
+        return Quality(
+            jod=sum(jods) / 2,
+            low_jod=BEST_JOD - (BEST_JOD - min(jods)) * (1 + MODEL_ERROR),
+            heat=(heats[0] + heats[1]) / np.float32(2) if heats else None,
+            zones=zones,
+        )
+
+    @cached_property
+    def worst(self) -> Quality:
+        """The quality of the worst place alone, of a model without zones: see `worst_place`."""
+        return self._of_both([self._jod_of_place(heat) for heat in self._heats])
+
+    def _jod_of_place(self, heat: Plane) -> float:
+        return BEST_JOD * (1 - worst_place(heat, self._eye.display.pixels_per_degree))
+
+    def at(self, amount: float, *, worst: bool = False) -> float:
+        """Return the quality in JOD with `amount` times the noise: ±1 is the present noise.
+
+        `worst` asks for that of the worst place.
+        """
+        found = self._compared(amount, heat=worst)
+        return found.jod if found.heat is None else self._jod_of_place(found.heat)
 
     def _compared(
         self, amount: float, *, heat: bool = False, zone_size: int | None = None
@@ -113,8 +132,10 @@ class QualityModel:
         noisy = self._eye.percept(displayed(self._model.finite_noisy(amount), self._view))
         return self._eye.compare(self._clean, noisy, heat=heat, zone_size=zone_size)
 
-    def forecast(self, target: float, *, spp: int) -> int | None:
+    def forecast(self, target: float, *, spp: int, worst: bool = False) -> int | None:
         """Return the spp at which the quality reaches a target in JOD; None if out of reach.
+
+        `worst` asks for that of the worst place.
 
         Notes
         -----
@@ -122,7 +143,7 @@ class QualityModel:
         What is lost is close to a power of n', of which each evaluation gives a better exponent.
         """
         allowed = math.log(BEST_JOD - target)
-        start = here = _log_lost(self.quality.jod)
+        start = here = _log_lost((self.worst if worst else self.quality).jod)
         place, power = 0.0, FIRST_POWER
         for _ in range(EVALUATIONS):
             if here <= allowed and place == 0:
@@ -131,7 +152,7 @@ class QualityModel:
             if place + step > math.log(FURTHEST):
                 return None
             place = max(place + step, 0.0)
-            here = _log_lost(self.at(math.exp(-place / 2)))
+            here = _log_lost(self.at(math.exp(-place / 2), worst=worst))
             power = max((start - here) / place, FIRST_POWER / 4) if place else power
         return math.ceil(spp * math.exp(place))
 

@@ -62,6 +62,8 @@ class Jod(Rule):
     unit: ClassVar[str] = "JOD"
     by_quality: ClassVar[bool] = True
     least_side: ClassVar[int] = 4
+    #: Whether the image's worst place counts alone.
+    by_worst_place: ClassVar[bool] = False
 
     #: The quality to reach, in JOD.
     target: float = parameter(
@@ -96,10 +98,10 @@ class Jod(Rule):
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the quality in JOD."""
         require_later(evidence.spp, None if self._before is None else self._before[0])
-        quality = evidence.quality
+        quality = evidence.worst_place if self.by_worst_place else evidence.quality
         at_least = self._at_least(evidence.spp)
         self._before = evidence.spp, None if quality is None else _BEST - quality.low_jod
-        self._forecast_spp = evidence.quality_forecast(self.target)
+        self._forecast_spp = evidence.quality_forecast(self.target, worst=self.by_worst_place)
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
@@ -137,7 +139,7 @@ class Jod(Rule):
             case {"spp": int(spp), "lost": (int() | float() | None) as lost} if not memory.images:
                 self._before = spp, lost
             case numbers if numbers or memory.images:
-                raise ValueError("not a memory of the rule 'jod'")
+                raise ValueError(f"not a memory of the rule {self.name!r}")
 
     def _at_least(self, spp: int) -> float | None:
         """Return what is lost at least, as far as the evaluation before can tell."""
@@ -152,7 +154,8 @@ class Jod(Rule):
                 return "there are no two halves yet to compare"
             return "the image is too small for ColorVideoVDP, which needs 4 by 4 pixels"
         words = (
-            f"the quality is an estimated {quality.jod:.2f} JOD, and surely {quality.low_jod:.2f}"
+            f"the {self.quantity} is an estimated {quality.jod:.2f} JOD, and surely "
+            f"{quality.low_jod:.2f}"
         )
         words += left_out(float((~evidence.finite).sum()))
         target = f"the target of {self.target:g} JOD"

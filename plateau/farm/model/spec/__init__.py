@@ -18,6 +18,7 @@ from plateau.farm.model.spec.rule_specs import (
     RuleSpec,
     SuccessiveSpec,
     VisibleSpec,
+    WorstSpec,
 )
 from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
 from plateau.farm.model.spec.view import PLACES, ViewSpec
@@ -44,6 +45,7 @@ __all__ = [
     "Variant",
     "ViewSpec",
     "VisibleSpec",
+    "WorstSpec",
     "parameter_strings",
     "stored_spec",
 ]

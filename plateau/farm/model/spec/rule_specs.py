@@ -21,5 +21,6 @@ MyszkowskiSpec = SPECS["myszkowski"]
 ReverseSpec = SPECS["reverse"]
 SuccessiveSpec = SPECS["successive"]
 VisibleSpec = SPECS["visible"]
+WorstSpec = SPECS["worst"]
 
 RuleSpec = Annotated[reduce(or_, SPECS.values()), Field(discriminator="name")]

@@ -40,6 +40,11 @@ class JodSpec(RuleModel):
     target: float = 9.5
     min_spp: int = 200
 
+class WorstSpec(RuleModel):
+    name: Literal["worst"] = "worst"
+    target: float = 9.7
+    min_spp: int = 200
+
 RuleSpec = Annotated[
     FixedSpec
     | SuccessiveSpec
@@ -47,6 +52,7 @@ RuleSpec = Annotated[
     | ReverseSpec
     | MyszkowskiSpec
     | VisibleSpec
-    | JodSpec,
+    | JodSpec
+    | WorstSpec,
     Field(discriminator="name"),
 ]
