@@ -11,7 +11,7 @@ import csv
 import math
 import re
 import zipfile
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +26,7 @@ from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import NoiseModel, noise_model
-from plateau.metric.places import PATCH_DEG, patch_means
+from plateau.metric.places import patch_means
 from plateau.metric.quality import BEST_JOD, display_of
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,8 @@ VIEWS: Final = {
 }
 DENSITY: Final = 20  #: pixels per degree: a desk monitor, looked at at 200 %
 LOOK: Final = View(pixels_per_degree=DENSITY, white_luminance=200, contrast=1000, ambient_lux=250)
-METRIC: Final = CompiledVisibleDifferences(LOOK)
+#: Nobody knows how bright the images were that people saw.
+EXPOSURES: Final = (-2.0, -1.0, 0.0, 1.0)
 PIXELS, ACROSS, SLICE_SPP = 800, 4, 16
 #: What was rendered for people, who may have needed more.
 MOST_SPP: Final = 10_000.0
@@ -46,13 +47,8 @@ MOST_SPP: Final = 10_000.0
 SPP: Final = 2.0 ** np.arange(4, 18)
 VISIBLE, JOD = "`visible`", "`jod`"
 #: Worst places: a percentile of patches of so many degrees.
-PLACES: Final = {
-    f"worst place, {percentile} % of {patch:g}°": (percentile, patch)
-    for percentile, patch in (
-        *((one, PATCH_DEG) for one in (75, 90, 95, 99, 100)),
-        *((95, one) for one in (0.25, 0.5, 2.0)),
-    )
-}
+_WORST: Final = ((75, 1), (90, 1), (95, 1), (99, 1), (100, 1), (95, 0.25), (95, 0.5), (95, 2))
+PLACES: Final = {f"worst place, {one[0]} % of {one[1]:g}°": one for one in _WORST}
 #: What a zone may lose: a share of its pixels, JOD, and JOD in its worst place.
 ALLOWED: Final = {VISIBLE: 0.0002, JOD: 0.5, **dict.fromkeys(PLACES, 0.3)}
 _ZONE: Final = PIXELS // ACROSS
@@ -108,63 +104,55 @@ def scene_of(room: Path, folder: Path, camera: tuple[str, str, str] | None) -> s
 def tables(
     view: str, recording: NDArray[np.float32], people: Floats, stopper: Floats
 ) -> dict[str, Table]:
-    """Return the table of a view."""
-    quarter = len(recording) // 4
-    found, early = needed(recording), needed(recording[:quarter])
-    lost, truly = estimated(recording[:quarter], recording[quarter:])
-    rows = [["a constant", "–", "–", f"{misfit(np.ones_like(people), people):.2f}", *"––––"]]
-    rows.append(["SIN3D's stopper", *compared(stopper, people, stopper), "–", "–"])
+    """Return the tables of a view."""
+    exposed = {
+        ev: needed(CompiledVisibleDifferences(replace(LOOK, exposure_ev=ev)), recording)
+        for ev in EXPOSURES
+    }
+    found = exposed[0.0]
+    early = needed(CompiledVisibleDifferences(LOOK), recording[: len(recording) // 4])
+    rows = [["a constant", "–", "–", f"{misfit(np.ones_like(people), people):.2f}", *"–––"]]
+    rows.append(["SIN3D's stopper", *compared(stopper, people, stopper), "–"])
     for name, one in found.items():
-        ratios = lost[name] / truly[name], early[name] / one
-        rows.append(
-            [name, *compared(one, people, stopper), *(f"{np.median(r):.2f}" for r in ratios)]
-        )
-    head = ["rank", "5 to 95 %", "log sd", "level", "rank beside the stopper's"]
-    head += ["lost, estimated / true", "spp, of a quarter / of all"]
-    return {"people": [["spp by", *head], *([f"{view}: {row[0]}", *row[1:]] for row in rows)]}
+        rows.append([name, *compared(one, people, stopper), f"{np.median(early[name] / one):.2f}"])
+    head = ["rank", "5 to 95 %", "log sd", "level", "rank beside the stopper's", "a quarter's spp"]
+    cells = []
+    for name in list(found)[: len(found) - 3]:
+        each = (compared(one[name], people, stopper) for one in exposed.values())
+        cells.append([name, *(", ".join((one[0], *one[2:4])) for one in each)])
+    return {
+        "people": [["spp by", *head], *([f"{view}: {row[0]}", *row[1:]] for row in rows)],
+        "people-exposure": [
+            ["rank, log sd, level", *(f"{ev:+g} EV" for ev in EXPOSURES)],
+            *([f"{view}: {row[0]}", *row[1:]] for row in cells),
+        ],
+    }
 
 
-def needed(recording: NDArray[np.float32]) -> dict[str, Floats]:
+def needed(metric: CompiledVisibleDifferences, recording: NDArray[np.float32]) -> dict[str, Floats]:
     """Return at how many spp each zone has lost as little as allowed, by each eye."""
-    model = modelled(recording)
-    by_spp = [lost(model, math.sqrt(SLICE_SPP * len(recording) / spp)) for spp in SPP]
+    spp = SLICE_SPP * len(recording)
+    image, even, odd = (
+        recording[one].mean(axis=0, dtype=np.float64).astype(np.float32)
+        for one in (np.s_[:], np.s_[::2], np.s_[1::2])
+    )
+    model = noise_model(metric, image, (Half(even, spp / 2), Half(odd, spp / 2)))
+    by_spp = [lost(metric, model, math.sqrt(spp / one)) for one in SPP]
     return {
         name: crossed(np.array([one[name] for one in by_spp]), allowed)
         for name, allowed in ALLOWED.items()
     }
 
 
-def estimated(
-    part: NDArray[np.float32], rest: NDArray[np.float32]
-) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return what each zone of a part's image loses, as estimated and against the rest.
-
-    The rest has noise too, so the difference has more than the image; the estimate is given it.
-    """
-    image, reference = _mean(part), _mean(rest)
-    error = NoiseModel(reference, image - reference, np.zeros(image.shape[:2], np.bool_))
-    return lost(modelled(part), math.sqrt(1 + len(part) / len(rest))), lost(error, 1.0, (1,))
-
-
-def modelled(recording: NDArray[np.float32]) -> NoiseModel:
-    """Return the noise model of the slices' image."""
-    even, odd = (Half(_mean(recording[half::2]), SLICE_SPP) for half in (0, 1))
-    return noise_model(METRIC, _mean(recording), (even, odd))
-
-
-def _mean(recording: NDArray[np.float32]) -> NDArray[np.float32]:
-    mean: NDArray[np.float32] = recording.mean(axis=0, dtype=np.float64).astype(np.float32)
-    return mean
-
-
-def lost(model: NoiseModel, amount: float, signs: Sequence[int] = (1, -1)) -> dict[str, Floats]:
+def lost(metric: CompiledVisibleDifferences, model: NoiseModel, amount: float) -> dict[str, Floats]:
     """Return what each zone loses with so much of the noise, by each eye."""
-    eye, clean = ColorVideoVDP(display_of(LOOK, PIXELS)), displayed(model.clean, LOOK)
+    view = metric.view
+    eye, clean = ColorVideoVDP(display_of(view, PIXELS)), displayed(model.clean, view)
     sums: dict[str, Floats] = {}
-    for sign in signs:
-        image = model.finite_noisy(sign * amount)
-        noisy = displayed(image, LOOK)
-        seen = METRIC.compare(METRIC.percept(model.clean), METRIC.percept(image)).visible
+    for signed in (amount, -amount):
+        image = model.finite_noisy(signed)
+        noisy = displayed(image, view)
+        seen = metric.compare(metric.percept(model.clean), metric.percept(image)).visible
         heat = eye.compare(eye.percept(clean), eye.percept(noisy), heat=True).heat
         assert heat is not None  # as asked
         for number, zone in enumerate(ZONES):
@@ -174,7 +162,7 @@ def lost(model: NoiseModel, amount: float, signs: Sequence[int] = (1, -1)) -> di
                 means = patch_means(heat[zone], round(patch * DENSITY))
                 found[name] = BEST_JOD * np.percentile(means, percentile)
             for name, value in found.items():
-                sums.setdefault(name, np.zeros(len(ZONES)))[number] += value / len(signs)
+                sums.setdefault(name, np.zeros(len(ZONES)))[number] += value / 2
     return sums
 
 
@@ -199,7 +187,9 @@ def compared(found: Floats, people: Floats, stopper: Floats) -> list[str]:
 
 
 def rank(one: Floats, other: Floats) -> float:
-    """Return Spearman's correlation; equal values share their mean rank."""
+    """Return Spearman's correlation; equal values share their mean rank, and all equal have 0."""
+    if np.ptp(one) == 0 or np.ptp(other) == 0:
+        return 0.0
     a, b = (np.array([np.flatnonzero(np.sort(x) == v).mean() for v in x]) for x in (one, other))
     return float(np.corrcoef(a, b)[0, 1])
 

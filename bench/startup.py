@@ -3,7 +3,6 @@
 `plateau render` starts Redis, API, monitor and worker, renders the two steps that the default rule
 needs, writes its results and stops all processes. One Mitsuba process imports Mitsuba, loads the
 scene and renders the same passes. They alternate, with kernels that Dr.Jit has compiled before.
-`plateau --help` is timed as well.
 """
 
 import argparse
@@ -29,12 +28,7 @@ from plateau.worker.supervisor.variants import VariantChoice, choose
 
 #: A scene without noise, whose job converges at once.
 _SCENE: Final = ROOT / "bench" / "support" / "still"
-HELP = "plateau --help"
-_COLUMNS = {
-    "plateau render": "under 6 s",
-    "Mitsuba alone": None,
-    "beyond Mitsuba": "under 3 s",
-}
+_COLUMNS = ("plateau render", "Mitsuba alone", "beyond Mitsuba")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +36,6 @@ class Plan:
     """What is started, and how often."""
 
     pairs: int = 5  #: after one that is not counted
-    helps: int = 10
     size: int = 256  #: of the image, in pixels
     variant: str | None = None  #: by default the one that a worker takes by itself
 
@@ -53,7 +46,6 @@ class Found:
 
     spp: int
     pairs: list[tuple[Taken, Taken]]
-    helps: list[Taken]
 
 
 def main() -> None:
@@ -65,7 +57,7 @@ def main() -> None:
     write_report(
         "startup",
         tables(plan, measure(plan)),
-        settings={"pairs": plan.pairs, "helps": plan.helps},
+        settings={"pairs": plan.pairs},
         notes=[
             "A first run of each is not counted: it compiles modules and reads files.",
             "The variant of this machine and the metric's kernels are cached in all runs.",
@@ -96,8 +88,7 @@ def measure(plan: Plan) -> Found:
                     took[name] = _bare(plan, choice, cache, spp)
             pairs.append((took["ours"], took["bare"]))
             print(f"pair {number + 1} of {plan.pairs} done", file=sys.stderr)
-    helps = [_plateau(Settings().cache, "--help") for _ in range(1 + plan.helps)]
-    return Found(spp, pairs, helps[1:])
+    return Found(spp, pairs)
 
 
 def _environment(cache: Path) -> dict[str, str]:
@@ -151,12 +142,10 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
 
 
 def tables(plan: Plan, found: Found) -> dict[str, Table]:
-    """Return the tables: each start, the help, and the machine."""
+    """Return the tables: a start, and the machine."""
     ours, bare = ([one.wall_s for one in runs] for runs in zip(*found.pairs, strict=True))
     beyond = [one - other for one, other in zip(ours, bare, strict=True)]
     row = ["a start", *(spread(values, 2) for values in (ours, bare, beyond))]
-    goals = ["goal", *(goal or "" for goal in _COLUMNS.values())]
-    helps = spread([one.wall_s for one in found.helps], 2)
     settings = {
         "size": f"{plan.size}×{plan.size}",
         "spp": found.spp,
@@ -165,8 +154,7 @@ def tables(plan: Plan, found: Found) -> dict[str, Table]:
     }
     others = [one.others for pair in found.pairs for one in pair]
     return {
-        "startup": [["wall time, s", *_COLUMNS], row, goals],
-        "startup-help": [["", "wall time, s", "goal"], [f"`{HELP}`", helps, "under 0.3 s"]],
+        "startup": [["wall time, s", *_COLUMNS], row],
         "startup-machine": machine_table(settings, others),
     }
 

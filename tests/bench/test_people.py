@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bench import people
+from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.noise_model import NoiseModel
 
 ROOM = '<scene><sensor><float name="fov" value="35" /><matrix value="1 0" /></sensor></scene>'
@@ -18,7 +19,8 @@ def test_a_zone_needs_as_many_samples_as_its_noise_has_energy() -> None:
     noise[people.PIXELS // 2 :] *= 2
     grey = np.full(noise.shape, 0.4, np.float32)
     model = NoiseModel(grey, noise.astype(np.float32), np.zeros(noise.shape[:2], np.bool_))
-    strong, half = people.lost(model, 1.0), people.lost(model, 0.5)
+    metric = CompiledVisibleDifferences(people.LOOK)
+    strong, half = (people.lost(metric, model, amount) for amount in (1.0, 0.5))
     # Then half the noise loses there what all of it loses above
     for name in people.ALLOWED:
         assert half[name][8:] == pytest.approx(strong[name][:8], rel=0.2), name

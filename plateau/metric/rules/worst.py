@@ -23,7 +23,7 @@ class Worst(Jod):
     By zones, samples go where the quality of the whole image needs them, as for `Jod`: the job
     stops by its worst place, but the zones are not chosen by it.
 
-    The docs of science/people.md say how it ranks zones beside people.
+    Beside people's thresholds it is not shown to be better than `Jod`: docs/science/people.md.
     """
 
     name: ClassVar[str] = "worst"
