@@ -26,8 +26,8 @@ from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import NoiseModel, noise_model
-from plateau.metric.places import patch_means
 from plateau.metric.quality import BEST_JOD, display_of
+from plateau.metric.rules.worst import patch_means
 
 Floats = NDArray[np.float64]
 

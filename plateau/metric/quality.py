@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plateau.metric.cvvdp import ColorVideoVDP, Display
+from plateau.metric.cvvdp.parameters import JOD_EXPONENT
 from plateau.metric.display import displayed
-from plateau.metric.places import worst_place
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +27,10 @@ if TYPE_CHECKING:
 BEST_JOD = 10.0
 #: The share of what is lost by which the estimate may be off, in nine cases of ten.
 MODEL_ERROR = 0.05
+#: The same for a denoised image, whose error has not quite the shape of the noise in its place.
+DENOISED_ERROR = 0.15
+#: Side of a block in pixels: farther than the error of a denoised image is pooled over.
+BLOCK = 32
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
 #: Evaluations in a forecast; each costs one comparison.
@@ -64,7 +67,9 @@ class QualityModel:
     view
         The screen, the room and the distance.
     zone_size
-        Side of zones in pixels: the quality has their shares, and no map.
+        Side of zones in pixels: the quality has their shares.
+    heat
+        Whether the quality has its map.
 
     Raises
     ------
@@ -87,44 +92,26 @@ class QualityModel:
     True
     """
 
-    def __init__(self, model: NoiseModel, view: View, *, zone_size: int | None = None) -> None:
+    def __init__(
+        self, model: NoiseModel, view: View, *, zone_size: int | None = None, heat: bool = True
+    ) -> None:
         self._model, self._view = model, view
         self._eye = ColorVideoVDP(display_of(view, model.clean.shape[1]))
         self._clean = self._eye.percept(displayed(model.clean, view))
-        has_heat = zone_size is None
-        both = [
-            self._compared(amount, heat=has_heat, zone_size=zone_size) for amount in (1.0, -1.0)
-        ]
+        both = [self._compared(amount, heat=heat, zone_size=zone_size) for amount in (1.0, -1.0)]
+        lost = BEST_JOD - min(one.jod for one in both)
+        maps = [one.heat for one in both if one.heat is not None]
         zones = [one.zones for one in both if one.zones is not None]
-        self._heats = [one.heat for one in both if one.heat is not None]
-        self.quality = self._of_both(
-            [one.jod for one in both], (zones[0] + zones[1]) / 2 if zones else None
+        self.quality = Quality(
+            jod=sum(one.jod for one in both) / 2,
+            low_jod=BEST_JOD - lost * (1 + MODEL_ERROR),
+            heat=(maps[0] + maps[1]) / np.float32(2) if maps else None,
+            zones=(zones[0] + zones[1]) / 2 if zones else None,
         )
 
-    def _of_both(self, jods: list[float], zones: NDArray[np.float64] | None = None) -> Quality:
-        heats = self._heats
-        return Quality(
-            jod=sum(jods) / 2,
-            low_jod=BEST_JOD - (BEST_JOD - min(jods)) * (1 + MODEL_ERROR),
-            heat=(heats[0] + heats[1]) / np.float32(2) if heats else None,
-            zones=zones,
-        )
-
-    @cached_property
-    def worst(self) -> Quality:
-        """The quality of the worst place alone, of a model without zones: see `worst_place`."""
-        return self._of_both([self._jod_of_place(heat) for heat in self._heats])
-
-    def _jod_of_place(self, heat: Plane) -> float:
-        return BEST_JOD * (1 - worst_place(heat, self._eye.display.pixels_per_degree))
-
-    def at(self, amount: float, *, worst: bool = False) -> float:
-        """Return the quality in JOD with `amount` times the noise: ±1 is the present noise.
-
-        `worst` asks for that of the worst place.
-        """
-        found = self._compared(amount, heat=worst)
-        return found.jod if found.heat is None else self._jod_of_place(found.heat)
+    def at(self, amount: float) -> float:
+        """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
+        return self._compared(amount).jod
 
     def _compared(
         self, amount: float, *, heat: bool = False, zone_size: int | None = None
@@ -132,10 +119,8 @@ class QualityModel:
         noisy = self._eye.percept(displayed(self._model.finite_noisy(amount), self._view))
         return self._eye.compare(self._clean, noisy, heat=heat, zone_size=zone_size)
 
-    def forecast(self, target: float, *, spp: int, worst: bool = False) -> int | None:
+    def forecast(self, target: float, *, spp: int) -> int | None:
         """Return the spp at which the quality reaches a target in JOD; None if out of reach.
-
-        `worst` asks for that of the worst place.
 
         Notes
         -----
@@ -143,7 +128,7 @@ class QualityModel:
         What is lost is close to a power of n', of which each evaluation gives a better exponent.
         """
         allowed = math.log(BEST_JOD - target)
-        start = here = _log_lost((self.worst if worst else self.quality).jod)
+        start = here = _log_lost(self.quality.jod)
         place, power = 0.0, FIRST_POWER
         for _ in range(EVALUATIONS):
             if here <= allowed and place == 0:
@@ -152,9 +137,42 @@ class QualityModel:
             if place + step > math.log(FURTHEST):
                 return None
             place = max(place + step, 0.0)
-            here = _log_lost(self.at(math.exp(-place / 2), worst=worst))
+            here = _log_lost(self.at(math.exp(-place / 2)))
             power = max((start - here) / place, FIRST_POWER / 4) if place else power
         return math.ceil(spp * math.exp(place))
+
+
+def doubted(likely: Quality, greatest: Quality) -> float:
+    """Return the least quality of an image, in JOD, whose error is measured with doubt.
+
+    Parameters
+    ----------
+    likely
+        The quality by the error that is likely, with the shares of its blocks.
+    greatest
+        The quality by two standard errors more at each place, with those shares.
+
+    Notes
+    -----
+    Other pixels measure the error of each block, so doubts of blocks add as their squares do. With
+    the shares L_z of Q⁴ and M_z = L_z / √Σ L, Q² is Σ M_z up to a factor, and surely no more than
+    Σ M_z + √Σ ΔM_z², where ΔM_z is what the greatest error adds. A larger image leaves less doubt.
+
+    Examples
+    --------
+    >>> likely, greatest = (Quality(9.5, 9.4, zones=np.full((2, 4, 4), n)) for n in (1.0, 2.0))
+    >>> round(doubted(likely, greatest), 2)
+    9.4
+    """
+    assert likely.zones is not None  # as asked
+    assert greatest.zones is not None
+    lost, more = likely.zones[0], greatest.zones[0]
+    if not lost.any():
+        return greatest.low_jod
+    parts, with_doubt = (one / math.sqrt(one.sum()) for one in (lost, more))
+    ratio = 1 + float(np.linalg.norm(with_doubt - parts)) / float(parts.sum())
+    most = (BEST_JOD - likely.jod) * float(ratio ** (JOD_EXPONENT / 2))
+    return BEST_JOD - most * (1 + DENOISED_ERROR)
 
 
 def _log_lost(jod: float) -> float:

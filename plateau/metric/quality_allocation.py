@@ -97,7 +97,7 @@ def plan_by_quality(
     """
     pixels = zone_sums(np.ones(model.non_finite.shape), size)
     require_zones(pixels.shape, spp, planned)
-    quality = QualityModel(model, view, zone_size=size).quality
+    quality = QualityModel(model, view, zone_size=size, heat=False).quality
     assert quality.zones is not None  # as asked
     aim, now = (max(BEST_JOD - jod, LEAST_LOST) for jod in (target, quality.jod))
     ratio = min(_MOST, _AIM * (aim / now) ** (2 / JOD_EXPONENT))

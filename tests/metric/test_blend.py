@@ -1,22 +1,27 @@
 """The blend of an image with its denoised self, on images whose truth is known."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from plateau.metric import (
+    BlendError,
     Evidence,
     Forecast,
     Half,
     Image,
+    NoiseModel,
     View,
     Visible,
     VisibleDifferences,
     blended,
     estimate_from,
 )
+from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.denoise import smoothed
+from plateau.metric.quality import display_of
 
 VIEW = View(field_of_view_deg=20)
 SIZE = 128
@@ -152,6 +157,31 @@ def test_so_are_the_pixels_that_a_person_would_see(truth: Image) -> None:
         before += metric.compare(light, metric.percept(mean(parts))).finite_count
     assert 0.8 * seen < estimated < 1.25 * seen + 0.2 * before
     assert most >= max(estimated, seen)
+
+
+@pytest.mark.parametrize("truth", [one() for one in TRUTHS.values()], ids=TRUTHS)
+def test_so_is_the_quality_and_the_doubt_about_it_that_a_larger_image_has_less_of(
+    truth: Image,
+) -> None:
+    eye, parts = ColorVideoVDP(display_of(VIEW, SIZE)), halves(truth, 0.05)
+    blend, judged = blended(mean(parts), parts, blur, VIEW)
+    found = Evidence(2 * SPP, blend.image, parts, VisibleDifferences(VIEW), judged).quality
+    assert found is not None
+    lost = 10 - eye.compare(*map(eye.percept, (truth, np.clip(blend.image, 0, 1)))).jod
+    assert 0.85 * lost < 10 - found.jod < 1.3 * lost + 0.02
+    assert lost < 10 - found.low_jod < 1.8 * lost + 0.05
+    # Given four times the image, seen alike
+    view, everything = replace(VIEW, pixels_per_degree=SIZE / VIEW.width_deg(SIZE)), (2, 2, 1)
+    nan = np.zeros((2 * SIZE, 2 * SIZE), bool)
+    large = [
+        NoiseModel(np.tile(one.clean, everything), np.tile(one.noise, everything), nan)
+        for one in (judged.likely, judged.greatest)
+    ]
+    image = np.tile(blend.image, everything)
+    more = Evidence(1, image, None, VisibleDifferences(view), BlendError(*large)).quality
+    assert more is not None
+    assert more.jod == pytest.approx(found.jod, abs=0.05)
+    assert more.low_jod > found.low_jod
 
 
 @pytest.mark.parametrize("name", ["ramp", "texture finer than the blur"])

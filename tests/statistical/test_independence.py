@@ -97,7 +97,7 @@ def scalar_bench(scalar, tmp_path, request):
         yield bench
 
 
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(12_000 if long_tests.WANTED else 1200)
 @pytest.mark.parametrize(("width", "height", "spp", "count"), CASES)
 def test_slices_of_the_schedule_are_independent(bench, width, height, spp, count):
     schedule = SeedSchedule(bench.variant, width, height, spp, spp * count)

@@ -12,12 +12,10 @@ from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
-from plateau.metric.quality import Quality, QualityModel
+from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
 from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
     from numpy.typing import NDArray
 
@@ -110,45 +108,31 @@ class Evidence:
     def quality(self) -> Quality | None:
         """The quality by ColorVideoVDP; None where the image's error is not known.
 
-        That of a denoised image is at least what its greatest error leaves of it. An image of less
-        than 4 by 4 pixels has none.
+        That of a denoised image is at least what the doubt about its error leaves of it. An image
+        of less than 4 by 4 pixels has none.
         """
-        return self._surely(lambda model: model.quality)
-
-    @cached_property
-    def worst_place(self) -> Quality | None:
-        """The same of the image's worst place alone."""
-        return self._surely(lambda model: model.worst)
-
-    def _surely(self, of: Callable[[QualityModel], Quality]) -> Quality | None:
         model = self._quality_model
         if model is None or self.error is None:
-            return None if model is None else of(model)
-        quality, greatest = of(model), of(self._greatest_quality_model)
-        return replace(quality, low_jod=min(quality.low_jod, greatest.low_jod))
-
-    @cached_property
-    def _greatest_quality_model(self) -> QualityModel:
-        assert self.error is not None  # as the caller knows
-        return QualityModel(self.error.greatest, self.metric.view)
+            return None if model is None else model.quality
+        view, greatest = self.metric.view, self.error.greatest
+        most = QualityModel(greatest, view, zone_size=BLOCK, heat=False).quality
+        return replace(model.quality, low_jod=doubted(model.quality, most), zones=None)
 
     @cached_property
     def _quality_model(self) -> QualityModel | None:
         if self._model is None or not self._has_quality:
             return None
-        return QualityModel(self._model[0], self.metric.view)
+        zone_size = None if self.error is None else BLOCK
+        return QualityModel(self._model[0], self.metric.view, zone_size=zone_size)
 
     @property
     def _has_quality(self) -> bool:
         return bool(min(self.image.shape[:2]) >= LEAST_SIZE)
 
-    def quality_forecast(self, target: float, *, worst: bool = False) -> int | None:
-        """Return the spp at which the quality, or the worst place's, reaches this target in JOD.
-
-        It is None if unknown.
-        """
+    def quality_forecast(self, target: float) -> int | None:
+        """Return the spp at which the quality reaches this target in JOD; None if unknown."""
         model = self._quality_model
-        return None if model is None else model.forecast(target, spp=self.spp, worst=worst)
+        return None if model is None else model.forecast(target, spp=self.spp)
 
     def allowed_pixels(self, target: float) -> float:
         """Return how many visible pixels a target fraction allows."""

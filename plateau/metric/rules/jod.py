@@ -62,8 +62,6 @@ class Jod(Rule):
     unit: ClassVar[str] = "JOD"
     by_quality: ClassVar[bool] = True
     least_side: ClassVar[int] = 4
-    #: Whether the image's worst place counts alone.
-    by_worst_place: ClassVar[bool] = False
 
     #: The quality to reach, in JOD.
     target: float = parameter(
@@ -98,10 +96,10 @@ class Jod(Rule):
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the quality in JOD."""
         require_later(evidence.spp, None if self._before is None else self._before[0])
-        quality = evidence.worst_place if self.by_worst_place else evidence.quality
+        quality = self._quality(evidence)
         at_least = self._at_least(evidence.spp)
         self._before = evidence.spp, None if quality is None else _BEST - quality.low_jod
-        self._forecast_spp = evidence.quality_forecast(self.target, worst=self.by_worst_place)
+        self._forecast_spp = self._foretold(evidence)
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
@@ -116,6 +114,14 @@ class Jod(Rule):
             },
             reason=self._reason(evidence, quality, passed=passed, likely=likely),
         )
+
+    def _quality(self, evidence: Evidence) -> Quality | None:
+        """Return the quality that counts."""
+        return evidence.quality
+
+    def _foretold(self, evidence: Evidence) -> int | None:
+        """Return where that quality is expected to reach the target."""
+        return evidence.quality_forecast(self.target)
 
     def expected_end_spp(
         self,

@@ -10,8 +10,8 @@ from plateau.metric.blend import BlendError
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
-from plateau.metric.places import worst_place
 from plateau.metric.quality import QualityModel, display_of
+from plateau.metric.rules.worst import worst_place
 
 SIDE = 64
 SIGMA = 0.6  #: standard deviation of one sample
@@ -40,19 +40,21 @@ def true_jod(seen, truth=RAMP, *, worst=False):
 @pytest.mark.parametrize("worst", [False, True])
 def test_it_says_what_the_converged_image_would(view, spp, worst):
     seen = evidence(spp, view=view)
-    quality = seen.worst_place if worst else seen.quality
-    lost, true = 10 - quality.jod, 10 - true_jod(seen, worst=worst)
+    said = (Worst if worst else Jod)().judge(seen)
+    lost, true = 10 - said.value, 10 - true_jod(seen, worst=worst)
     assert true > 0.05
     assert 0.85 * true < lost < 1.25 * true
-    assert quality.low_jod < quality.jod
+    assert said.numbers["low_jod"] < said.value
 
 
-@pytest.mark.parametrize(("worst", "target"), [(False, 9.0), (True, 8.0)])
-def test_the_forecast_is_where_the_target_is_reached(worst, target):
-    assert true_jod(evidence(200), worst=worst) < target - 0.5
-    spp = 2 * round(evidence(200).quality_forecast(target, worst=worst) / 2)
-    assert spp > 400
-    assert true_jod(evidence(spp, seed=2), worst=worst) == pytest.approx(target, abs=0.15)
+@pytest.mark.parametrize(("rule", "density"), [(Jod, None), (Worst, 10.0)])
+def test_the_forecast_is_where_the_target_is_reached(rule, density):
+    view, worst = View(pixels_per_degree=density), rule is Worst
+    first, judge = evidence(400, view=view), rule(target=9.0, min_spp=1)
+    assert true_jod(first, worst=worst) < 8.6
+    judge.judge(first)
+    spp = 2 * round(judge.expected_end_spp(None) / 2)
+    assert true_jod(evidence(spp, view=view, seed=2), worst=worst) == pytest.approx(9, abs=0.15)
 
 
 def test_what_is_reached_is_forecast_for_now_and_what_is_out_of_reach_for_never():
@@ -169,17 +171,17 @@ class TestTheRuleForTheWorstPlace:
         assert [jod.judge(one).stop for one in seen] == [False, True]
         verdicts = [worst.judge(one) for one in seen]
         assert not any(verdict.stop for verdict in verdicts)
-        assert verdicts[1].value == seen[1].worst_place.jod < 8
+        assert verdicts[1].value < 8
         assert "the quality in the worst place is an estimated" in verdicts[1].reason
         assert worst.expected_end_spp(None) > 2 * jod.expected_end_spp(None)
 
     def test_counts_the_greatest_error_that_a_denoised_image_may_have(self):
         model = noise_model(NOISY.metric, NOISY.image, NOISY.halves)
-        greatest = replace(model, noise=2 * model.noise)
-        error = BlendError(likely=model, greatest=greatest)
-        denoised = replace(NOISY, error=error)
-        assert denoised.worst_place.jod == NOISY.worst_place.jod
-        assert denoised.worst_place.low_jod < NOISY.worst_place.low_jod
+        sure = [
+            Worst().judge(replace(NOISY, error=BlendError(model, greatest))).numbers["low_jod"]
+            for greatest in (model, replace(model, noise=2 * model.noise))
+        ]
+        assert sure[1] < sure[0] - 0.1
 
     def test_judges_an_image_that_is_smaller_than_a_patch(self):
         small = evidence(200, view=View(pixels_per_degree=38), truth=RAMP[:5, :5])
