@@ -16,6 +16,8 @@ import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 
@@ -148,6 +150,16 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
     client = connect(redis_url)
     yield client
     client.close()
+
+
+@pytest.fixture
+def jobs(client: redis.Redis) -> Jobs:
+    return Jobs(client)
+
+
+@pytest.fixture
+def keys(client: redis.Redis) -> ApiKeys:
+    return ApiKeys(client)
 
 
 @pytest.fixture(scope="session")

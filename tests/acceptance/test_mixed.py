@@ -36,7 +36,7 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     shown = {one.id: one for one in farm.client.workers()}[worker]
     assert (shown.pool, shown.tags) == ("night", ("fast", "gpu", "highmem"))
     assert shown.samples_per_s is not None
-    # It says what its machine does, and what it has rendered
+    # It says what its machine does, and what it has cost
     machine = shown.machine
     assert machine is not None
     assert machine.cores == os.cpu_count()
@@ -44,11 +44,7 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     assert 0 < machine.memory_used_bytes < machine.memory_bytes
     assert machine.disk_free_bytes is not None
     assert 0 < machine.disk_free_bytes < (machine.disk_bytes or 0)
-    newest, *_ = shown.last_slices
-    assert (newest.job, newest.spp) == (job.id, job.spec.slice_spp)
-    assert 1 <= len(shown.last_slices) <= 5
-    assert shown.core_hours is not None
-    assert shown.core_hours > newest.render_s * shown.threads / 3600 * 0.999
+    assert 0 < (shown.core_hours or 0) < 1.01 * done.core_hours
 
 
 def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFarm) -> None:

@@ -1,7 +1,9 @@
 """The distribution: what a wheel holds, and what works where nothing but the wheel is installed."""
 
+import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,17 +11,40 @@ import tarfile
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from email import message_from_string
 from importlib.metadata import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
 
+from tests.support.api_document import api_document
 from tests.support.farms.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
 UV = Path(sys.executable).with_name("uv")
 CONSTRAINTS = ROOT / "constraints.txt"
+ABOUT = metadata("plateau")
+OWN_PYTHON = "{}.{}".format(*sys.version_info)
+#: The Pythons that the metadata names; CI tries them all.
+PYTHONS = re.findall(r":: (3\.\d+)$", "\n".join(ABOUT.get_all("Classifier", [])), re.MULTILINE)
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+#: The files of a job's result.
+RESULTS = {
+    *("image.exr", "image.png", "difference.png", "noise.png"),
+    *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
+}
+#: Files that name Plateau's version, and how.
+NAME_THE_VERSION = (
+    *("CHANGELOG.md", "CITATION.cff", "deploy/compose.yaml", "deploy/containers/Containerfile"),
+    *("deploy/containers/README.md", "deploy/kubernetes/Chart.yaml", "pyproject.toml"),
+    "plateau/cycles/addon/plateau_farm/blender_manifest.toml",
+)
+NAMED = re.compile(
+    r'(?:plateau/[$\w]+:|(?<![-\w])(?:v|appV|image\.v)ersion(?: = |: |=)"?|^## )(\d+\.\d+\.\d+)',
+    re.MULTILINE,
+)
 
 #: What no checkout has when it is fresh.
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "demo", "plateau-out")
@@ -94,15 +119,15 @@ def wheel(built: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def install(wheel: Path) -> Iterator[Callable[[str], Path]]:
+def install(wheel: Path) -> Iterator[Callable[..., Path]]:
     """Installs the wheel with these extras into an empty environment; returns its programs."""
     with ExitStack() as environments:
 
-        def install(extras: str) -> Path:
+        def install(extras: str, python: str = sys.executable) -> Path:
             # Some have 600 MB, so they do not stay as pytest's own folders do.
             made = environments.enter_context(TemporaryDirectory(prefix="plateau-wheel-"))
             folder = Path(made) / "environment"
-            uv("venv", "--python", sys.executable, folder)
+            uv("venv", "--python", python, folder)
             constraints = ("--constraint", CONSTRAINTS)
             uv("pip", "install", "--python", folder, *constraints, f"{wheel}{extras}")
             return folder / "bin"
@@ -117,7 +142,7 @@ def base(install: Callable[[str], Path]) -> Path:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def run(tmp_path: Path) -> Run:
     """Runs a program in an empty folder, without what this process has in its environment."""
 
     def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -150,26 +175,59 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         names = set(archive.namelist())
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
         assert "plateau = plateau.commands:main" in archive.read(entry_points).decode()
-    about = {name for name in names if name.startswith("plateau-") and ".dist-info/" in name}
-    assert names - about == files
+        [about] = [name.removesuffix("METADATA") for name in names if name.endswith("/METADATA")]
+        text = message_from_string(archive.read(f"{about}METADATA").decode())
+    assert {name for name in names if not name.startswith(about)} == files
+    # And what it has of others, with their licences
+    licences = {name for name in files if name.endswith(".LICENSE")} | {"LICENSE", "THIRD_PARTY.md"}
+    assert set(text.get_all("License-File", [])) == licences
+    assert {f"{about}licenses/{name}" for name in licences} <= names
+    others = (sources / "THIRD_PARTY.md").read_text()
+    assert all(f"`{Path(name).name}`" in others for name in licences if name in files)
+    vendored = {Path(name) for name in files if "/vendor/" in name}
+    assert {str(one.parent / f"{one.name.split('.')[0]}.LICENSE") for one in vendored} <= licences
+    # And the README, which an index shows
+    assert text["Description-Content-Type"] == "text/markdown"
+    assert text.get_payload() == (sources / "README.md").read_text()
 
 
-def test_the_source_distribution_holds_files_where_the_checkout_has_links(
-    built: Path, wheel: Path
-) -> None:
+def test_the_source_distribution_holds_files_where_the_checkout_has_links(built: Path) -> None:
     [path] = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
         members = archive.getmembers()
-    assert not [one.name for one in members if one.issym() or one.islnk()]
-    packed = {one.name.partition("/")[2] for one in members if one.isfile()}
-    with zipfile.ZipFile(wheel) as built_of_it:
-        assert {name for name in built_of_it.namelist() if name.startswith("plateau/")} <= packed
-    assert not [name for name in packed if name.startswith(("tests/", "bench/"))]
+    assert all(one.isfile() for one in members)
+    packed = {one.name.split("/")[1] for one in members}
+    assert {"CITATION.cff", "LICENSE", "SECURITY.md", "plateau", "pyproject.toml"} < packed
+    assert not {"bench", "metric", "scenes", "service", "tests", "worker"} & packed
+
+
+def test_whoever_builds_it_gets_the_same_bytes(sources: Path, built: Path, tmp_path: Path) -> None:
+    # Given the same files elsewhere, of another day and for others' eyes
+    copy = shutil.copytree(sources, tmp_path / "of-another", symlinks=True)
+    for path in filter(Path.is_file, copy.rglob("*")):
+        path.chmod(0o600)
+        os.utime(path, (1_000_000_000, 1_000_000_000))
+    # When they are built
+    uv("build", "--out-dir", tmp_path / "again", copy)
+
+    # Then both distributions are the same
+    def digests(folder: Path) -> dict[str, str]:
+        files = folder.glob("plateau-*")
+        return {one.name: hashlib.sha256(one.read_bytes()).hexdigest() for one in files}
+
+    assert len(digests(built)) == 2
+    assert digests(tmp_path / "again") == digests(built)
+
+
+def test_the_version_is_the_same_wherever_it_is_named() -> None:
+    named = {file: set(NAMED.findall((ROOT / file).read_text())) for file in NAME_THE_VERSION}
+    assert named == {file: {ABOUT["Version"]} for file in named}
+    assert api_document()["info"]["version"] == ABOUT["Version"]
 
 
 @pytest.mark.long
 def test_the_whole_of_it_renders_a_scene_outside_the_repository(
-    install: Callable[[str], Path], run: Callable[..., subprocess.CompletedProcess[str]]
+    install: Callable[[str], Path], run: Run
 ) -> None:
     programs = install("[all]")
     size = ("-D", "width=32", "-D", "height=24")
@@ -180,10 +238,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     assert done.returncode == 0, done.stderr
     about = json.loads(done.stdout)
     assert (about["state"], about["spp"]) == ("converged", 16)
-    assert {Path(name).name for name in about["files"]} == {
-        *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
-    }
+    assert {Path(name).name for name in about["files"]} == RESULTS
     found = run(programs / "python", "-c", "import plateau.worker; print(plateau.worker.__file__)")
     assert found.stdout.startswith(str(programs.parent))
 
@@ -191,9 +246,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
 @pytest.mark.parametrize("extra", BRINGS)
 @pytest.mark.long
 def test_an_extra_brings_what_its_part_imports(
-    extra: str,
-    install: Callable[[str], Path],
-    run: Callable[..., subprocess.CompletedProcess[str]],
+    extra: str, install: Callable[[str], Path], run: Run
 ) -> None:
     program = f"""
 from importlib import import_module
@@ -208,9 +261,20 @@ for name in {BRINGS[extra]}:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize(
+    "version",
+    [pytest.param(one, marks=[pytest.mark.long] * (one != OWN_PYTHON)) for one in PYTHONS],
+)
 def test_the_base_lacks_what_a_farm_is_made_of(
-    base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
+    version: str, install: Callable[..., Path], run: Run
 ) -> None:
+    # Given a Python that the metadata names
+    python = f"python{version}"
+    which = ["env", f"PYENV_VERSION={version}", python, "-c", "import sys; print(sys.executable)"]
+    found = subprocess.run(which, capture_output=True, text=True, check=False).stdout.strip()
+    if not found and version != OWN_PYTHON:
+        pytest.skip(f"there is no {python} here")
+    # When nothing but the base is installed
     program = f"""
 from importlib.util import find_spec
 print(*(name for name in {HEAVY} if find_spec(name)))
@@ -219,13 +283,14 @@ from plateau import Client
 import plateau.commands
 print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 """
-    done = run(base / "python", "-c", program)
+    programs = install("", found or sys.executable)
+    # Then it works without a farm's parts
+    done = run(programs / "python", "-W", "error", "-c", program)
     assert (done.stdout.split(), done.stderr) == ([], "")
+    assert "submit" in run(programs / "plateau", "--help").stdout
 
 
-def test_the_base_is_a_client_and_a_command_line(
-    staffed: RealFarm, base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
-) -> None:
+def test_the_base_is_a_client_and_a_command_line(staffed: RealFarm, base: Path, run: Run) -> None:
     where = {"PLATEAU_URL": staffed.url}
     # Given a job that the client has submitted
     program = """
@@ -252,21 +317,15 @@ with Client(os.environ["PLATEAU_URL"]) as client:
     assert told == "this needs OpenEXR, which is not installed: pip install 'plateau[images]'"
     # Then the command line knows it, and fetches all
     plateau = base / "plateau"
-    assert "submit" in run(plateau, "--help").stdout
     assert job in run(plateau, "list", **where).stdout
     assert "converged" in run(plateau, "show", job[:6], **where).stdout
     fetched = run(plateau, "fetch", job, "-o", "out", **where)
     assert fetched.returncode == 0
-    assert {Path(line).name for line in fetched.stdout.splitlines()} == {
-        *("image.exr", "image.png", "difference.png", "noise.png"),
-        *("curve.csv", "curve.svg", "summary.txt", "summary.json"),
-    }
+    assert {Path(line).name for line in fetched.stdout.splitlines()} == RESULTS
     assert fetched.stderr == ""
 
 
-def test_a_command_that_needs_more_says_which_extra_to_install(
-    base: Path, run: Callable[..., subprocess.CompletedProcess[str]]
-) -> None:
+def test_a_command_that_needs_more_says_which_extra_to_install(base: Path, run: Run) -> None:
     program = f"""
 import json
 from pathlib import Path
@@ -285,7 +344,7 @@ for command in {list(NEEDS)}:
     said = {
         command: (code, text) for command, code, text in map(json.loads, done.stdout.splitlines())
     }
-    known = set(metadata("plateau").get_all("Provides-Extra"))
+    known = set(ABOUT.get_all("Provides-Extra", []))
     assert said.keys() == NEEDS.keys(), done.stderr
     for command, extras in NEEDS.items():
         code, text = said[command]

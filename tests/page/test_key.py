@@ -29,11 +29,6 @@ def url(redis_url: str, farm: NoiseFarm) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture
-def keys(client: redis.Redis) -> ApiKeys:
-    return ApiKeys(client)
-
-
 def give(page: Page, key: str) -> None:
     page.get_by_label("API key").fill(key)
     page.keyboard.press("Enter")

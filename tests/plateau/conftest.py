@@ -9,6 +9,7 @@ from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.farms.live_api import live_api
+from tests.support.scenes.bundles import scene
 
 
 @pytest.fixture(scope="session")
@@ -36,6 +37,19 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
         shared: Blobs = request.getfixturevalue("shared_store")
         return shared
     return Blobs(str(tmp_path / "blobs"))
+
+
+@pytest.fixture
+def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The API is the service that commands ask."""
+    monkeypatch.setenv("PLATEAU_URL", api)
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> str:
+    path = tmp_path / "box.xml"
+    path.write_bytes(scene())
+    return str(path)
 
 
 @pytest.fixture

@@ -13,3 +13,9 @@ def mitsuba(request: pytest.FixtureRequest) -> Iterator[MitsubaProcess]:
     variant: str = request.param
     with MitsubaProcess(variant, library_for(variant)) as process:
         yield process
+
+
+@pytest.fixture(scope="module")
+def scalar() -> Iterator[MitsubaProcess]:
+    with MitsubaProcess("scalar_rgb") as process:
+        yield process

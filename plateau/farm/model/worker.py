@@ -29,15 +29,6 @@ class Machine(_Record):
     )
 
 
-class RenderedSlice(_Record):
-    """A slice that a worker has rendered."""
-
-    job: str
-    slice: int
-    spp: int
-    render_s: float
-
-
 class Worker(_Record):
     """A worker as its last heartbeat described it."""
 
@@ -78,7 +69,6 @@ class Worker(_Record):
         description="what the slices cost that it has rendered since its start: their time, times "
         "its threads",
     )
-    last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
     kinds: tuple[str, ...] = Field(
         (),
         description="what its bits depend on, for each variant that it has tried: renderer, "

@@ -130,7 +130,6 @@ WORKER: Final[dict[str, Any]] = {
     "kinds": [
         "mitsuba 3.9.1 (llvm_ad_rgb; libLLVM.so.19.1; AMD EPYC 9R14; bits 3f1c09ab27de)",
     ],
-    "last_slices": [{"job": JOB_ID, "slice": 15, "spp": 25, "render_s": 0.61}],
     "machine": {
         "cores": 8,
         "load": 0.93,

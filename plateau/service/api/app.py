@@ -15,6 +15,7 @@ from plateau.farm.ledger.deletions import Deletions
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
+from plateau.farm.model import versions
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
@@ -85,7 +86,7 @@ def create_app(
     app = DescribedAPI(
         title="Plateau",
         description=_DESCRIPTION,
-        version="1",
+        version=versions.plateau(),
         lifespan=lifespan,
         dependencies=[Depends(refuse_unknown_parameters)],
         # A route's name is its operation's id, by which generators name the method of a client.

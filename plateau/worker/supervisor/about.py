@@ -2,9 +2,7 @@
 
 import os
 import socket
-from collections import deque
 from datetime import datetime, timezone
-from typing import Final
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model import versions
@@ -12,8 +10,6 @@ from plateau.farm.model.slices.zones import pixels_of
 from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.machine import MachineUse
 from plateau.worker.supervisor.uploader import Rendered
-
-_LAST: Final = 5  #: slices that are named
 
 
 class About:
@@ -45,7 +41,6 @@ class About:
         self.machine = MachineUse(settings.cache)
         self._threads = threads
         self._render_s = 0.0
-        self._slices: deque[dict[str, object]] = deque(maxlen=_LAST)
         self._slices_done = 0
         self._samples_per_s: float | None = None
         self._last_error: str | None = None
@@ -66,14 +61,6 @@ class About:
         """Count a slice, its cost and its rate; errors before it are forgotten."""
         self._slices_done += 1
         self._render_s += one.render_s
-        self._slices.appendleft(
-            {
-                "job": one.lease.job_id,
-                "slice": one.lease.index,
-                "spp": one.lease.spp,
-                "render_s": one.render_s,
-            }
-        )
         self._last_error, self._failures = None, 0
         pixels = pixels_of(one.zones) if one.zones else one.scene.width * one.scene.height
         samples = pixels * one.lease.spp
@@ -90,7 +77,6 @@ class About:
             "slices_done": self._slices_done,
             "samples_per_s": self._samples_per_s,
             "core_hours": self._render_s * self._threads / 3600,
-            "last_slices": tuple(self._slices),
             "kinds": kinds,
             "machine": self.machine.now(),
             "last_error": self._last_error,

@@ -17,11 +17,6 @@ from plateau.farm.redis import keys as names
 from plateau.farm.redis.link import connect
 
 
-@pytest.fixture
-def keys(client: redis.Redis) -> ApiKeys:
-    return ApiKeys(client)
-
-
 class TestAKey:
     def test_is_found_by_what_was_shown_once(self, keys: ApiKeys) -> None:
         assert not keys.any_made()

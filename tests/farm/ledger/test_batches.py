@@ -24,11 +24,6 @@ NAMES = ["shot/010", "a:b", "plateau:jobs", "10 % grün", "夜景", "x" * 100, "
 
 
 @pytest.fixture
-def jobs(client: redis.Redis) -> Jobs:
-    return Jobs(client)
-
-
-@pytest.fixture
 def batches(client: redis.Redis) -> Batches:
     return Batches(client)
 

@@ -19,11 +19,6 @@ LIMITS = KeyLimits(upload_bytes=1, open_jobs=100)
 
 
 @pytest.fixture
-def jobs(client: redis.Redis) -> Jobs:
-    return Jobs(client)
-
-
-@pytest.fixture
 def deletions(client: redis.Redis) -> Deletions:
     return Deletions(client)
 

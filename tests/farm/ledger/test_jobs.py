@@ -13,11 +13,6 @@ from plateau.farm.redis.scripts import Scripts
 from tests.support.farms.staged_job import StagedJob
 
 
-@pytest.fixture
-def jobs(client: redis.Redis) -> Jobs:
-    return Jobs(client)
-
-
 def create(jobs: Jobs, **spec: object) -> str:
     return jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job.id
 

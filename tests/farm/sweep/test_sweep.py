@@ -37,11 +37,6 @@ NOTHING = Swept(jobs=0, scenes=0, orphans=0, blobs=0, freed_bytes=0)
 SCENE = "ab" * 32
 
 
-@pytest.fixture
-def jobs(client: redis.Redis) -> Jobs:
-    return Jobs(client)
-
-
 def finished(client: redis.Redis, store: Blobs, *, days_ago: float = 0, **spec: Any) -> StagedJob:
     """A job with its three pictures that was finished so long ago."""
     job = StagedJob(client, **spec)

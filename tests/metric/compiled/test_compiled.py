@@ -1,8 +1,5 @@
 """The compiled predictor sees what the numpy one sees, and nothing else."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -202,9 +199,3 @@ def test_percepts_of_the_numpy_predictor_are_refused():
     metric = CompiledVisibleDifferences(View())
     with pytest.raises(TypeError, match="PreparedPercept"):
         metric.compare(VisibleDifferences(View()).percept(image), metric.percept(image))
-
-
-def test_nothing_that_does_not_ask_for_it_waits_for_a_compiler():
-    modules = "plateau.metric, plateau.commands, plateau.picture.diff"
-    code = f"import sys, {modules}; sys.exit('numba' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -36,11 +36,6 @@ def walk(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLATEAU_URL", api)
-
-
 def end(client: redis.Redis, store: Blobs, job_id: str, state: JobState) -> None:
     staged = StagedJob(client, job_id)
     staged.commit(4)

@@ -23,18 +23,6 @@ from tests.support.scenes.bundles import mesh, scene
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 
 
-@pytest.fixture
-def box(tmp_path: Path) -> str:
-    path = tmp_path / "box.xml"
-    path.write_bytes(scene())
-    return str(path)
-
-
-@pytest.fixture
-def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLATEAU_URL", api)
-
-
 class TestScenesOfOurOwn:
     def test_are_listed_where_a_name_is_wrong(self) -> None:
         code, _, error = plateau("render", "scenes:bax")

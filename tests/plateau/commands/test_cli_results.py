@@ -26,10 +26,7 @@ from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene
 
-
-@pytest.fixture(autouse=True)
-def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLATEAU_URL", api)
+pytestmark = pytest.mark.usefixtures("_service")
 
 
 @pytest.fixture

@@ -12,22 +12,13 @@ from plateau.farm.redis import keys
 from tests.support.farms.receiver import OK, SECRET, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau
-from tests.support.scenes.bundles import scene
 
 URL = "https://studio.example/hooks/plateau"
 
 
 @pytest.fixture(autouse=True)
-def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLATEAU_URL", api)
+def _no_secret(_service: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PLATEAU_WEBHOOK_SECRET", raising=False)
-
-
-@pytest.fixture
-def box(tmp_path: Path) -> str:
-    path = tmp_path / "box.xml"
-    path.write_bytes(scene())
-    return str(path)
 
 
 class TestSubmit:

@@ -137,11 +137,6 @@ def test_no_command_and_no_call_writes_where_another_does(
     assert command("fetch", job.id, "-o", str(out))[0] == 0
 
 
-@pytest.fixture
-def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLATEAU_URL", api)
-
-
 @pytest.mark.usefixtures("_service")
 def test_frames_whose_files_are_one_on_some_disks_are_refused(
     plateau: Client, client: redis.Redis, tmp_path: Path

@@ -19,6 +19,7 @@ STARTS = {
         *("plateau.farm.bundle", *_RENDERERS),
     },
     "import plateau.rendering.own_farm": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
+    "import plateau.metric, plateau.picture.diff": {"numba"},
     "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
         *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS),
     },

@@ -4,7 +4,6 @@ In the noise scene all pixels are alike, so a pixel's value tells which random n
 rendered from: equal values in different pixels mean reused random numbers.
 """
 
-from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
 
@@ -12,18 +11,11 @@ import numpy as np
 import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
-from tests.support.processes.mitsuba_process import MitsubaProcess
 
 NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
 
 #: Sides that are no multiples of the 32-pixel block, and a film smaller than one.
 ODD_SIZES = [(40, 24), (33, 65), (7, 5)]
-
-
-@pytest.fixture(scope="module")
-def scalar() -> Iterator[MitsubaProcess]:
-    with MitsubaProcess("scalar_rgb") as process:
-        yield process
 
 
 def _values(film: np.ndarray) -> set[tuple[float, ...]]:

@@ -2,7 +2,6 @@
 
 import platform
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
 from typing import Final
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -16,6 +15,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 
 from plateau.farm.ledger.totals import Census, take_census
+from plateau.farm.model import versions
 from plateau.farm.redis.client import RedisClient
 from plateau.service.api.metrics.requests import Requests
 
@@ -47,7 +47,7 @@ class _Farm(Collector):
         yield InfoMetricFamily(
             "plateau_build",
             "1; its labels say what this API process runs.",
-            {"version": version("plateau"), "python": platform.python_version()},
+            {"version": versions.plateau(), "python": platform.python_version()},
         )
         yield from _open_work(census)
         yield from _processes(census)

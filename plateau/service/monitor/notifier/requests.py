@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Iterable
 from datetime import datetime
 from functools import cached_property
-from importlib.metadata import version
 from typing import Any, Final
 from urllib.parse import urlsplit
 
 import httpcore
 
+from plateau.farm.model import versions
 from plateau.farm.model.spec.notice import SECRET_PREFIX
 from plateau.service.notices.receivers import ReceiverRefused, Receivers
 
@@ -63,7 +63,7 @@ def signed_headers(message_id: str, at: datetime, body: bytes, secret: str) -> d
     signature = base64.b64encode(hmac.digest(key, signed, "sha256")).decode()
     return {
         "content-type": "application/json",
-        "user-agent": f"Plateau/{version('plateau')}",
+        "user-agent": f"Plateau/{versions.plateau()}",
         "webhook-id": message_id,
         "webhook-timestamp": str(timestamp),
         "webhook-signature": f"v1,{signature}",

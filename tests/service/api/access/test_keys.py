@@ -24,11 +24,6 @@ As = Callable[..., httpx.Client]
 
 
 @pytest.fixture
-def keys(client: redis.Redis) -> ApiKeys:
-    return ApiKeys(client)
-
-
-@pytest.fixture
 def as_(session_api: str, keys: ApiKeys) -> Iterator[As]:
     """Clients of the session's API, each with a new key of this role and these limits."""
     made: list[httpx.Client] = []
