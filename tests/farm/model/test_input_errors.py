@@ -27,7 +27,7 @@ def _told(spec: dict[str, Any]) -> dict[str, str]:
 
 PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 VARIANTS = tuple(variants())
-RULES = "fixed, successive, multiple, reverse, myszkowski, visible or jod"
+RULES = "fixed, successive, multiple, reverse, myszkowski, visible, jod or worst"
 
 #: Values that few fields can have.
 WRONG: tuple[Any, ...] = (
