@@ -117,7 +117,7 @@ def tables(
         rows.append([name, *compared(one, people, stopper), f"{np.median(early[name] / one):.2f}"])
     head = ["rank", "5 to 95 %", "log sd", "level", "rank beside the stopper's", "a quarter's spp"]
     cells = []
-    for name in list(found)[: len(found) - 3]:
+    for name in (VISIBLE, JOD, "worst place, 95 % of 1°"):
         each = (compared(one[name], people, stopper) for one in exposed.values())
         cells.append([name, *(", ".join((one[0], *one[2:4])) for one in each)])
     return {
