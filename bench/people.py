@@ -47,7 +47,7 @@ MOST_SPP: Final = 10_000.0
 SPP: Final = 2.0 ** np.arange(4, 18)
 VISIBLE, JOD = "`visible`", "`jod`"
 #: Worst places: a percentile of patches of so many degrees.
-_WORST: Final = ((75, 1), (90, 1), (95, 1), (99, 1), (100, 1), (95, 0.25), (95, 0.5), (95, 2))
+_WORST: Final = ((95, 1), (99, 1), (100, 1), (95, 2))
 PLACES: Final = {f"worst place, {one[0]} % of {one[1]:g}°": one for one in _WORST}
 #: What a zone may lose: a share of its pixels, JOD, and JOD in its worst place.
 ALLOWED: Final = {VISIBLE: 0.0002, JOD: 0.5, **dict.fromkeys(PLACES, 0.3)}

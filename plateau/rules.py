@@ -95,6 +95,20 @@ def parameter(
     return bounded(default, least, most, parameter=about)
 
 
+def least_spp(guards_against: str) -> int:
+    """Return the field of the samples per pixel before which a rule does not stop."""
+    return parameter(
+        200,
+        1,
+        MOST_SPP,
+        description="fewest samples per pixel at which the rule may stop",
+        label="Not before",
+        unit="spp",
+        help=guards_against,
+        role=ParameterRole.LEAST_SPP,
+    )
+
+
 @dataclass(frozen=True)
 class SlopeLimit:
     """A slope of the curve at which a rule stops."""
@@ -142,6 +156,8 @@ class StoppingRule:
     unit: ClassVar[str] = ""
     #: Whether that is the quality by ColorVideoVDP: jobs with the rule have a map of it.
     by_quality: ClassVar[bool] = False
+    #: Whether it needs four independent parts of the slices: of whole frames, as rendered.
+    by_quarters: ClassVar[bool] = False
     #: The fewest pixels across and down of an image that it can judge.
     least_side: ClassVar[int] = 1
 

@@ -271,8 +271,13 @@ def encode_srgb(image: NDArray[Any], exposure_ev: float = 0.0) -> NDArray[np.uin
     """
     linear = displayed(as_image(image), View(exposure_ev=exposure_ev))
     linear = np.nan_to_num(linear, copy=False, nan=0.0)
-    encoded = np.where(
+    bytes_: NDArray[np.uint8] = np.rint(srgb_encoded(linear) * 255).astype(np.uint8, order="C")
+    return bytes_
+
+
+def srgb_encoded(linear: Image) -> Image:
+    """Return the sRGB values of linear light in [0, 1], (H, W, 3) in [0, 1]."""
+    encoded: Image = np.where(
         linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, np.float32(1 / 2.4)) - 0.055
     )
-    bytes_: NDArray[np.uint8] = np.rint(encoded * 255).astype(np.uint8, order="C")
-    return bytes_
+    return encoded

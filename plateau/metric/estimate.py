@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric.noise_model import Half, NoiseModel, noise_model
+from plateau.metric.noise_model import NoiseModel
 
 if TYPE_CHECKING:
-    from plateau.metric.display import Image, Mask, Plane
+    from plateau.metric.display import Mask, Plane
     from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: A normal distribution has nine tenths of its mass within this many standard deviations.
@@ -65,49 +65,12 @@ class Estimate:
         return self.greatest_pixels is None or self.greatest_pixels <= most
 
 
-def half_buffer_estimate(
-    metric: VisibleDifferences,
-    image: Image,
-    halves: tuple[Half, Half],
-) -> Estimate:
-    """Return the estimate of D(truth, image), the mean of D(T, T + N) and D(T, T - N).
-
-    Parameters
-    ----------
-    metric
-        The predictor, for the view under which to judge.
-    image
-        The merged image of both halves, (H, W, 3).
-    halves
-        The even- and the odd-indexed slices.
-
-    Raises
-    ------
-    ValueError
-        If the halves and the image differ in size.
-
-    Notes
-    -----
-    The band assumes independent clumps of pixels, whose number is a Poisson variable, both in the
-    estimate and in the truth.
-
-    Examples
-    --------
-    >>> from plateau.metric import Half, View, VisibleDifferences
-    >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
-    >>> even, odd = np.float32(0.4) + noise
-    >>> estimate = half_buffer_estimate(
-    ...     VisibleDifferences(View()), (even + odd) / 2, (Half(even, 50), Half(odd, 50))
-    ... )
-    >>> estimate.low_pixels < estimate.pixels < estimate.high_pixels
-    True
-    """
-    model = noise_model(metric, image, halves)
-    return estimate_from(metric, model, metric.percept(model.clean))
-
-
 def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept) -> Estimate:
-    """Return the estimate from a noise model and the percept of its clean image."""
+    """Return the estimate from a noise model and the percept of its clean image.
+
+    It is of D(truth, image): the mean of D(T, T + N) and D(T, T - N). The band assumes independent
+    clumps of pixels, whose number is a Poisson variable, both in the estimate and in the truth.
+    """
     differences = [
         metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]

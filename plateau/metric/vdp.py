@@ -266,26 +266,6 @@ class VisibleDifferences:
         return weights
 
 
-def visible_differences(
-    reference: NDArray[Any], test: NDArray[Any], view: View | None = None
-) -> Difference:
-    """Return where the test image differs visibly from the reference, both (H, W, 3).
-
-    Raises
-    ------
-    ValueError
-        If an image is not (H, W, 3), or their sizes differ.
-
-    Examples
-    --------
-    >>> black, white = np.zeros((8, 8, 3)), np.ones((8, 8, 3))
-    >>> visible_differences(black, white).fraction
-    1.0
-    """
-    metric = VisibleDifferences(view or View())
-    return metric.compare(metric.percept(reference), metric.percept(test))
-
-
 def _colour_difference(reference: Percept, test: Percept, adaptation: Plane) -> Plane | None:
     """Return the squared distance in (a*, b*), 0 where it is too dark to see colour."""
     if reference.chroma is None or test.chroma is None:

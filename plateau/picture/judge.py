@@ -34,6 +34,7 @@ from plateau.picture.point import (
     of_estimate,
     of_forecast,
     of_merge,
+    of_rule,
 )
 from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, DEFAULT
@@ -149,7 +150,7 @@ class Judge:
             # By the image alone, so that it does not depend on which monitor judged those before.
             "expected_spp": self._expected_spp(forecast),
             "rules": {
-                name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
+                name: of_rule(verdicts[name], stop=verdicts[name].stop and not flaw)
                 for name in self._shown
             },
         }
@@ -164,6 +165,7 @@ class Judge:
             spp=merge.spp,
             image=image,
             halves=merge.halves(),
+            quarters=merge.quarters(),
             metric=self._metric,
             focus=focus,
         )

@@ -13,7 +13,7 @@ from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import SharedSpec
-from plateau.metric import Half
+from plateau.metric import Half, Quarters
 from plateau.picture.canvas import Canvas, Sampled, canvas_of
 
 _BETWEEN: Final = ", "  #: the kinds of workers in `Merge.origin`
@@ -31,12 +31,14 @@ class Merge:
     -----
     The merge keeps two sums: of all slices, (height, width, channels) float64, and of those with
     an even index, which has the judged channels alone: R, G, B, W and, if the film has it, A. The
-    slices with an odd index are the difference. By zones it keeps a third, see `other_halves`.
+    slices with an odd index are the difference. By zones it keeps a third, see `other_halves`; for
+    `quarters` it keeps that and a fourth.
     """
 
     slice_spp: int
     zone_size: int | None = None  #: in pixels; None where all slices have the whole film
     background: Colour = BLACK  #: behind an image with alpha
+    has_quarters: bool = False  #: for rules that need them; only of whole films
     exposure_ev: float = 0.0  #: under which the image will be seen; only a transform needs it
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
@@ -47,6 +49,7 @@ class Merge:
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
+    _first: NDArray[np.float64] | None = field(default=None, repr=False)
     _sampled: Sampled | None = field(default=None, repr=False)  #: where slices have zones
 
     @classmethod
@@ -56,6 +59,7 @@ class Merge:
             slice_spp=spec.slice_spp,
             zone_size=Plan.of(spec).size,
             background=spec.view.background,
+            has_quarters=spec.by_quarters,
             exposure_ev=spec.view.exposure_ev,
         )
 
@@ -116,6 +120,10 @@ class Merge:
         seen, part = channels.seen(), film[..., : channels.judged]
         if self.slices % 2 == 0:
             self._even = seen.add(self._even, part)
+        if self.has_quarters and self.slices % 4 < 2:
+            self._other = seen.add(self._other, part)
+            if self.slices % 4 == 0:
+                self._first = seen.add(self._first, part)
         self.slices += 1
 
     def _checked(self, channels: Channels) -> Channels:
@@ -229,6 +237,19 @@ class Merge:
         assert self._sampled is not None
         return self._zoned_halves(self._other, self._sampled.spp // 2, as_seen)
 
+    def quarters(self) -> Quarters | None:
+        """Return the images of the slices 0, 4, …, of 1, 5, … and so on; None with fewer than 4."""
+        if not self.has_quarters or self.slices < 4:
+            return None
+        assert self._even is not None
+        assert self._other is not None
+        assert self._first is not None
+        with np.errstate(invalid="ignore", over="ignore"):
+            second, third = self._other - self._first, self._even - self._first
+            sums = self._first, second, third, self._without(self._even) - second
+        slices = [len(range(part, self.slices, 4)) for part in range(4)]
+        return Quarters([self._image(one, as_seen=False) for one in sums], slices, self._seen)
+
     def _zoned_halves(
         self, half: NDArray[np.float64], half_spp: NDArray[np.int64], as_seen: bool
     ) -> tuple[Half, Half]:
@@ -280,7 +301,8 @@ class Merge:
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
         if self.transform is not None:
             arrays["look"] = self.transform.table
-        return arrays if self._other is None else {**arrays, "other": self._other}
+        more = {"other": self._other, "first": self._first}
+        return arrays | {name: one for name, one in more.items() if one is not None}
 
     def about(self) -> dict[str, Any]:
         """Return what a checkpoint says of its arrays, for JSON."""
@@ -302,7 +324,8 @@ class Merge:
         self.origin, self.header = about["origin"], about["header"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
-        self._other = arrays.get("other")
+        if self.has_quarters or "canvas" in about:
+            self._other, self._first = arrays.get("other"), arrays.get("first")
         if "look" in arrays:
             self.transform = ViewTransform(arrays["look"], about["look_gain"])
         if "canvas" in about:
@@ -320,6 +343,8 @@ class Merge:
 
     def _image(self, total: NDArray[np.float64], as_seen: bool) -> Pixels:
         image = self.channels.seen_in(total, self.background)
-        if self.transform is None or not as_seen:
-            return image
-        return self.transform.seen(image, self.exposure_ev)
+        return self._seen(image) if as_seen else image
+
+    def _seen(self, image: Pixels) -> Pixels:
+        """Return an image as its scene wants it to be shown."""
+        return image if self.transform is None else self.transform.seen(image, self.exposure_ev)

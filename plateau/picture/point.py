@@ -46,6 +46,12 @@ def of_denoising(evidence: Evidence, raw: Evidence, target: float | None) -> dic
     }
 
 
+def of_rule(verdict: Verdict, *, stop: bool) -> dict[str, object]:
+    """Return what a rule said, as `plateau.farm.model.job.WatchedValue` has it."""
+    known = {name: verdict.numbers.get(name) for name in ("low", "high", "few_share")}
+    return {"value": verdict.value, "stop": stop, **known}
+
+
 def of_forecast(forecast: Forecast | None) -> dict[str, object]:
     """Return where hardly any noise will be left."""
     if forecast is None:

@@ -17,10 +17,10 @@ from plateau.metric import (
     Visible,
     VisibleDifferences,
     blended,
-    estimate_from,
 )
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.denoise import smoothed
+from plateau.metric.estimate import estimate_from
 from plateau.metric.quality import display_of
 
 VIEW = View(field_of_view_deg=20)

@@ -7,7 +7,7 @@ grey masks nothing, so that noise which masks itself would show.
 import numpy as np
 import pytest
 
-from plateau.metric import Half, View, VisibleDifferences, half_buffer_estimate
+from plateau.metric import Evidence, Half, View, VisibleDifferences
 
 METRIC = VisibleDifferences(View())
 TRUTH = np.full((128, 128, 3), 0.35, np.float32)
@@ -24,6 +24,10 @@ def render(seed, even_spp, odd_spp, sigma, truth=TRUTH):
     return (total / (even_spp + odd_spp)).astype(np.float32), halves
 
 
+def estimated(image, halves):
+    return Evidence(halves[0].spp + halves[1].spp, image, halves, METRIC).estimate
+
+
 def visible_fraction(reference, test):
     return METRIC.compare(METRIC.percept(reference), METRIC.percept(test)).fraction
 
@@ -33,7 +37,7 @@ def visible_fraction(reference, test):
 def test_it_is_the_truth(sigma, even_spp, odd_spp):
     renders = [render(seed, even_spp, odd_spp, sigma) for seed in range(4)]
     truth = np.mean([visible_fraction(TRUTH, image) for image, _ in renders])
-    found = np.mean([half_buffer_estimate(METRIC, *one).fraction for one in renders])
+    found = np.mean([estimated(*one).fraction for one in renders])
     assert found == pytest.approx(truth, rel=0.08)
 
 
@@ -42,22 +46,22 @@ def test_nor_does_texture_that_masks_by_itself_mislead_it(sigma):
     grain = np.random.default_rng(8).uniform(0.15, 0.55, (128, 128, 1)).astype(np.float32)
     truth = np.broadcast_to(grain, TRUTH.shape)
     image, halves = render(9, 50, 50, sigma, truth)
-    ratio = half_buffer_estimate(METRIC, image, halves).fraction / visible_fraction(truth, image)
+    ratio = estimated(image, halves).fraction / visible_fraction(truth, image)
     assert ratio == pytest.approx(1, abs=0.05)
 
 
 def test_pixels_and_fraction_agree_and_the_halves_can_be_exchanged():
     image, halves = render(4, 60, 40, 0.1)
-    estimate = half_buffer_estimate(METRIC, image, halves)
+    estimate = estimated(image, halves)
     assert estimate.fraction == estimate.pixels / (128 * 128)
-    assert half_buffer_estimate(METRIC, image, halves[::-1]) == estimate
+    assert estimated(image, halves[::-1]) == estimate
 
 
 @pytest.mark.parametrize("spp", [(5, 5), (6, 4)])
 def test_a_pixel_that_is_not_finite_is_left_out_and_counted_apart(spp):
     bad = TRUTH.copy()
     bad[3, 4] = [np.nan, np.inf, 1]
-    estimate = half_buffer_estimate(METRIC, bad, (Half(bad, spp[0]), Half(TRUTH, spp[1])))
+    estimate = estimated(bad, (Half(bad, spp[0]), Half(TRUTH, spp[1])))
     assert (estimate.pixels, estimate.non_finite) == (0, 1)
     assert not estimate.visible.any()
 
@@ -66,7 +70,7 @@ def test_a_pixel_that_is_not_finite_is_left_out_and_counted_apart(spp):
 def test_halves_of_another_size_are_refused(spp):
     small = TRUTH[:64]
     with pytest.raises(ValueError, match="a half has shape"):
-        half_buffer_estimate(METRIC, TRUTH, (Half(small, spp[0]), Half(small, spp[1])))
+        estimated(TRUTH, (Half(small, spp[0]), Half(small, spp[1])))
 
 
 def test_a_half_without_samples_is_refused():

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from plateau.metric import View, VisibleDifferences, visible_differences
+from plateau.metric import View, VisibleDifferences
 from plateau.metric.compiled import CompiledVisibleDifferences
 
 
@@ -14,6 +14,11 @@ def noise():
     return tuple(
         (0.35 + 0.02 * generator.standard_normal((48, 64, 3))).astype(np.float32) for _ in range(2)
     )
+
+
+def visible_differences(reference, test, view=None):
+    metric = VisibleDifferences(view or View())
+    return metric.compare(metric.percept(reference), metric.percept(test))
 
 
 def grey(height, width, value=0.35):

@@ -47,7 +47,7 @@ def test_the_api_describes_it(toy_farm: RealFarm) -> None:
 
 def test_the_command_line_helps_with_it(toy_farm: RealFarm) -> None:
     said = " ".join(plateau(toy_farm, "render", "--help").stdout.split())
-    assert "multiple, myszkowski, worst and toy." in said
+    assert "psnr, noise and toy." in said
     assert "--looks alone means toy." in said
     assert "toy: evaluations after which to stop. [default: (5)]" in said
     # Its bounds hold there, too

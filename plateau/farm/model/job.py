@@ -29,6 +29,15 @@ class WatchedValue(_Record):
 
     value: float | None = Field(description="the number that the rule watches")
     stop: bool = Field(description="whether the rule would have stopped here")
+    low: float | None = Field(
+        None, description="of an error: the interval that holds the truth in 95 of 100 cases"
+    )
+    high: float | None = None
+    few_share: float | None = Field(
+        None,
+        description="the share of the squared error that a ten-thousandth of the pixels holds, one "
+        "at least; from 0.1 on they are fireflies",
+    )
 
 
 class CurvePoint(_Record):

@@ -74,11 +74,10 @@ class Rule(StoppingRule, ABC):
             If the order or the size is violated.
         """
 
-    @abstractmethod
     def memory(self) -> Memory:
-        """Return the state with which a fresh rule reaches the same later verdicts."""
+        """Return the state with which a fresh rule reaches the same later verdicts, if any."""
+        return Memory()
 
-    @abstractmethod
     def recall(self, memory: Memory) -> None:
         """Restore the state of the rule that returned this memory.
 
@@ -87,6 +86,8 @@ class Rule(StoppingRule, ABC):
         ValueError
             If it is not the memory of such a rule.
         """
+        if memory.numbers or memory.images:
+            raise ValueError(f"not a memory of the rule {self.name!r}, which remembers nothing")
 
 
 def points_in(rows: list[Json]) -> list[tuple[int, float]] | None:

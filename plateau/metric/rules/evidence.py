@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from plateau.metric.blend import BlendError
     from plateau.metric.display import Image, Mask, Plane
+    from plateau.metric.standard_error import Quarters
     from plateau.metric.vdp import Percept, VisibleDifferences
 
 
@@ -46,6 +47,8 @@ class Evidence:
     error: BlendError | None = None
     #: What each pixel counts in the estimate, (H, W) with a mean of 1; None if all count one.
     focus: Plane | None = None
+    #: Four parts of the slices, for rules `by_quarters`; None while there are fewer than four.
+    quarters: Quarters | None = None
 
     def __post_init__(self) -> None:
         if self.spp < 1:

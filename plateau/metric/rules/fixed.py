@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.metric.rules.base import Rule, Verdict
 from plateau.rules import MOST_SPP, ParameterRole, parameter
 
 if TYPE_CHECKING:
@@ -55,12 +55,3 @@ class Fixed(Rule):
             numbers={"spp": float(evidence.spp), "cap": float(self.spp)},
             reason=f"the fixed {self.spp} spp are {words}: {evidence.spp} spp",
         )
-
-    def memory(self) -> Memory:
-        """Return nothing: the evidence alone decides."""
-        return Memory()
-
-    def recall(self, memory: Memory) -> None:
-        """Check that there is nothing to recall."""
-        if memory.numbers or memory.images:
-            raise ValueError("not a memory of the rule 'fixed', which remembers nothing")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
 from plateau.metric.rules.reasons import left_out
-from plateau.rules import MOST_SPP, ParameterRole, parameter
+from plateau.rules import ParameterRole, least_spp, parameter
 
 if TYPE_CHECKING:
     from plateau.metric.quality import Quality
@@ -76,16 +76,7 @@ class Jod(Rule):
         role=ParameterRole.VALUE_TARGET,
     )
     #: Samples per pixel before which it does not stop.
-    min_spp: int = parameter(
-        200,
-        1,
-        MOST_SPP,
-        description="fewest samples per pixel at which the rule may stop",
-        label="Not before",
-        unit="spp",
-        help="Guards against an estimate that is high by chance.",
-        role=ParameterRole.LEAST_SPP,
-    )
+    min_spp: int = least_spp("Guards against an estimate that is high by chance.")
 
     #: The last evaluation: its spp, and what was lost at most.
     _before: tuple[int, float | None] | None = field(

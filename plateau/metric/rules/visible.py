@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from plateau.metric.rules.base import Memory, Rule, Verdict, points_in, require_later
 from plateau.metric.rules.line import power_law_at_the_end
 from plateau.metric.rules.reasons import counted, darkness, left_out
-from plateau.rules import MOST_SPP, ParameterRole, parameter
+from plateau.rules import ParameterRole, least_spp, parameter
 
 if TYPE_CHECKING:
     from plateau.metric.rules.base import Json
@@ -71,16 +71,7 @@ class Visible(Rule):
         role=ParameterRole.NOISE_TARGET,
     )
     #: Samples per pixel before which it does not stop.
-    min_spp: int = parameter(
-        200,
-        1,
-        MOST_SPP,
-        description="fewest samples per pixel at which the rule may stop",
-        label="Not before",
-        unit="spp",
-        help="Guards against an estimate that is low by chance.",
-        role=ParameterRole.LEAST_SPP,
-    )
+    min_spp: int = least_spp("Guards against an estimate that is low by chance.")
 
     _newest_spp: int | None = field(default=None, init=False, repr=False, compare=False)
     #: The points of the trend: spp, and the estimate in pixels.

@@ -27,7 +27,10 @@ def _told(spec: dict[str, Any]) -> dict[str, str]:
 
 PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 VARIANTS = tuple(variants())
-RULES = "fixed, successive, multiple, reverse, myszkowski, visible, jod or worst"
+RULES = (
+    "fixed, successive, multiple, reverse, myszkowski, visible, jod, worst, relmse, rmse, psnr or "
+    "noise"
+)
 
 #: Values that few fields can have.
 WRONG: tuple[Any, ...] = (

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from plateau.metric import (
-    Evidence,
-    Multiple,
-    Myszkowski,
-    Successive,
-    View,
-    VisibleDifferences,
-)
+from plateau.metric import Evidence, View, VisibleDifferences
+from plateau.metric.rules.multiple import Multiple
+from plateau.metric.rules.myszkowski import Myszkowski
+from plateau.metric.rules.successive import Successive
 
 METRIC = VisibleDifferences(View())
 SIDE = 32

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Jod, View, VisibleDifferences, Worst
+from plateau.metric import Evidence, Half, View, VisibleDifferences
 from plateau.metric.blend import BlendError
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import QualityModel, display_of
-from plateau.metric.rules.worst import worst_place
+from plateau.metric.rules.jod import Jod
+from plateau.metric.rules.worst import Worst, worst_place
 
 SIDE = 64
 SIGMA = 0.6  #: standard deviation of one sample

@@ -7,8 +7,9 @@ no others, so any curve can be told as a story of images.
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Memory, Reverse, View, VisibleDifferences
+from plateau.metric import Evidence, Memory, View, VisibleDifferences
 from plateau.metric.rules.line import least_squares_slope
+from plateau.metric.rules.reverse import Reverse
 
 METRIC = VisibleDifferences(View())
 SIDE = 64

@@ -6,17 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from plateau.metric import (
-    Evidence,
-    Fixed,
-    Half,
-    Memory,
-    Reverse,
-    View,
-    VisibleDifferences,
-    create_rule,
-)
+from plateau.metric import Evidence, Half, Memory, View, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.rules.fixed import Fixed
+from plateau.metric.rules.reverse import Reverse
 from plateau.rules import rules
 
 METRIC = VisibleDifferences(View())

@@ -15,6 +15,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.service.monitor.result_sets import ResultSets
 from tests.support.farms.every_time import save_every_time
+from tests.support.farms.finished_jobs import finish_by_many_monitors
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
 from tests.support.until import until
 
@@ -65,6 +66,27 @@ def test_a_noisy_ramp_converges(farm: NoiseFarm) -> None:
     (sums,) = farm.store.names(blobs.checkpoints(job.id))
     assert f"{done.spp:07d}" in sums
     assert farm.jobs.events(job.id)[-1].type == "finished"
+
+
+def test_a_job_states_its_error_whether_it_decides_or_is_watched(farm: NoiseFarm) -> None:
+    watch = [{"name": "psnr", "target": 120}, {"name": "noise"}]
+    rule = {"name": "rmse", "target": 0.1, "min_spp": 1}
+    job = farm.submit(**{**QUICK, "rule": rule}, watch=watch)
+    finish_by_many_monitors(farm, job)
+    done = farm.jobs.get(job.id)
+    assert done.state is JobState.CONVERGED
+    assert done.verdict is not None
+    points = farm.jobs.curve(done.id)
+    said = points[-1].rules["rmse"]
+    assert said.low is not None and said.high is not None  # noqa: PT018
+    assert said.low < done.verdict["value"] < said.high
+    assert points[0].rules["rmse"].value is None  # of two slices
+    # And that is the error, against the light without noise
+    truth = noise_film(0, 10, 0.0)[..., :3].astype(np.float64) / 10
+    error = np.square(decode_image(farm.picture(done, "image.exr")) - truth).mean() ** 0.5
+    assert said.low < error < said.high
+    assert points[-1].rules["psnr"].value is not None
+    assert not points[-1].rules["psnr"].stop
 
 
 def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> None:

@@ -45,6 +45,27 @@ class WorstSpec(RuleModel):
     target: float = 9.7
     min_spp: int = 200
 
+class RelmseSpec(RuleModel):
+    name: Literal["relmse"] = "relmse"
+    target: float = 0.001
+    min_spp: int = 200
+
+class RmseSpec(RuleModel):
+    name: Literal["rmse"] = "rmse"
+    target: float = 0.01
+    min_spp: int = 200
+
+class PsnrSpec(RuleModel):
+    name: Literal["psnr"] = "psnr"
+    target: float = 40.0
+    min_spp: int = 200
+
+class NoiseSpec(RuleModel):
+    name: Literal["noise"] = "noise"
+    target: float = 0.03
+    min_spp: int = 200
+    share: float = 0.95
+
 RuleSpec = Annotated[
     FixedSpec
     | SuccessiveSpec
@@ -53,6 +74,10 @@ RuleSpec = Annotated[
     | MyszkowskiSpec
     | VisibleSpec
     | JodSpec
-    | WorstSpec,
+    | WorstSpec
+    | RelmseSpec
+    | RmseSpec
+    | PsnrSpec
+    | NoiseSpec,
     Field(discriminator="name"),
 ]

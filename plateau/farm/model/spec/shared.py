@@ -195,6 +195,11 @@ class SharedSpec(Strict):
                 "a focus weighs the noise that is left, for which no rule of the job waits: choose "
                 "the rule visible, or watch it"
             )
+        if self.by_quarters and (self.by_zones or self.is_denoised):
+            raise ValueError(
+                "the error of an image is known where it has whole frames, as rendered: choose the "
+                "allocation frame and no denoiser, or a rule that does not go by the error"
+            )
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")
@@ -246,6 +251,11 @@ class SharedSpec(Strict):
     def by_quality(self) -> bool:
         """Whether one of its rules goes by the quality by ColorVideoVDP."""
         return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
+
+    @property
+    def by_quarters(self) -> bool:
+        """Whether one of its rules needs four parts of the slices."""
+        return any(one.behaviour.by_quarters for one in (self.rule, *self.watch))
 
     def require_size(self, width: int, height: int) -> None:
         """Raise `FilmTooSmall` where one of its rules cannot judge an image of this size."""
