@@ -27,7 +27,6 @@ from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import NoiseModel, noise_model
 from plateau.metric.quality import BEST_JOD, display_of
-from plateau.metric.rules.worst import patch_means
 
 Floats = NDArray[np.float64]
 
@@ -164,6 +163,17 @@ def lost(metric: CompiledVisibleDifferences, model: NoiseModel, amount: float) -
             for name, value in found.items():
                 sums.setdefault(name, np.zeros(len(ZONES)))[number] += value / 2
     return sums
+
+
+def patch_means(heat: NDArray[np.float32], side: int) -> Floats:
+    """Return the mean of each patch: a square of `side` pixels, or fewer."""
+    means = np.asarray(heat, np.float64)
+    for _ in range(2):  # down, and then across
+        least = min(side, len(means))
+        sums = np.zeros((len(means) + 1, means.shape[1]))
+        np.cumsum(means, axis=0, out=sums[1:])
+        means = ((sums[least:] - sums[:-least]) / least).T
+    return means
 
 
 def crossed(values: Floats, allowed: float) -> Floats:

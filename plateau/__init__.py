@@ -43,7 +43,6 @@ if TYPE_CHECKING:
         SuccessiveSpec,
         ViewSpec,
         VisibleSpec,
-        WorstSpec,
     )
     from plateau.farm.model.states import JobState
     from plateau.rendering.render import RenderFailed, render
@@ -87,7 +86,6 @@ __all__ = [
     "Unreachable",
     "ViewSpec",
     "VisibleSpec",
-    "WorstSpec",
     "__version__",
     "render",
 ]

@@ -87,10 +87,10 @@ class Jod(Rule):
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the quality in JOD."""
         require_later(evidence.spp, None if self._before is None else self._before[0])
-        quality = self._quality(evidence)
+        quality = evidence.quality
         at_least = self._at_least(evidence.spp)
         self._before = evidence.spp, None if quality is None else _BEST - quality.low_jod
-        self._forecast_spp = self._foretold(evidence)
+        self._forecast_spp = evidence.quality_forecast(self.target)
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
@@ -105,14 +105,6 @@ class Jod(Rule):
             },
             reason=self._reason(evidence, quality, passed=passed, likely=likely),
         )
-
-    def _quality(self, evidence: Evidence) -> Quality | None:
-        """Return the quality that counts."""
-        return evidence.quality
-
-    def _foretold(self, evidence: Evidence) -> int | None:
-        """Return where that quality is expected to reach the target."""
-        return evidence.quality_forecast(self.target)
 
     def expected_end_spp(
         self,
@@ -136,7 +128,7 @@ class Jod(Rule):
             case {"spp": int(spp), "lost": (int() | float() | None) as lost} if not memory.images:
                 self._before = spp, lost
             case numbers if numbers or memory.images:
-                raise ValueError(f"not a memory of the rule {self.name!r}")
+                raise ValueError("not a memory of the rule 'jod'")
 
     def _at_least(self, spp: int) -> float | None:
         """Return what is lost at least, as far as the evaluation before can tell."""
@@ -151,8 +143,7 @@ class Jod(Rule):
                 return "there are no two halves yet to compare"
             return "the image is too small for ColorVideoVDP, which needs 4 by 4 pixels"
         words = (
-            f"the {self.quantity} is an estimated {quality.jod:.2f} JOD, and surely "
-            f"{quality.low_jod:.2f}"
+            f"the quality is an estimated {quality.jod:.2f} JOD, and surely {quality.low_jod:.2f}"
         )
         words += left_out(float((~evidence.finite).sum()))
         target = f"the target of {self.target:g} JOD"

@@ -28,8 +28,7 @@ def _told(spec: dict[str, Any]) -> dict[str, str]:
 PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 VARIANTS = tuple(variants())
 RULES = (
-    "fixed, successive, multiple, reverse, myszkowski, visible, jod, worst, relmse, rmse, psnr or "
-    "noise"
+    "fixed, successive, multiple, reverse, myszkowski, visible, jod, relmse, rmse, psnr or noise"
 )
 
 #: Values that few fields can have.

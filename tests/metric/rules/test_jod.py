@@ -1,4 +1,4 @@
-"""The quality by ColorVideoVDP, and the rules `jod` and `worst`, on noise whose truth is known."""
+"""The quality by ColorVideoVDP and its rule `jod`, on noise of which the truth is known."""
 
 from dataclasses import replace
 
@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from plateau.metric import Evidence, Half, View, VisibleDifferences
-from plateau.metric.blend import BlendError
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.display import displayed
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality import QualityModel, display_of
 from plateau.metric.rules.jod import Jod
-from plateau.metric.rules.worst import Worst, worst_place
 
 SIDE = 64
 SIGMA = 0.6  #: standard deviation of one sample
@@ -29,33 +27,28 @@ def evidence(spp, *, view=VIEW, sigma=SIGMA, seed=1, truth=RAMP):
     return Evidence(spp, (even + odd) / 2, halves, VisibleDifferences(view))
 
 
-def true_jod(seen, truth=RAMP, *, worst=False):
+def true_jod(seen, truth=RAMP):
     eye = ColorVideoVDP(display_of(seen.metric.view, SIDE))
     reference, test = (eye.percept(displayed(one, seen.metric.view)) for one in (truth, seen.image))
-    found = eye.compare(reference, test, heat=worst)
-    return 10 - 10 * worst_place(found.heat, eye.display.pixels_per_degree) if worst else found.jod
+    return eye.compare(reference, test).jod
 
 
 @pytest.mark.parametrize("view", [VIEW, View(field_of_view_deg=8)], ids=["near", "far"])
 @pytest.mark.parametrize("spp", [100, 1600])
-@pytest.mark.parametrize("worst", [False, True])
-def test_it_says_what_the_converged_image_would(view, spp, worst):
+def test_it_says_what_the_converged_image_would(view, spp):
     seen = evidence(spp, view=view)
-    said = (Worst if worst else Jod)().judge(seen)
-    lost, true = 10 - said.value, 10 - true_jod(seen, worst=worst)
+    lost, true = 10 - seen.quality.jod, 10 - true_jod(seen)
     assert true > 0.05
     assert 0.85 * true < lost < 1.25 * true
-    assert said.numbers["low_jod"] < said.value
+    assert seen.quality.low_jod < seen.quality.jod
 
 
-@pytest.mark.parametrize(("rule", "density"), [(Jod, None), (Worst, 10.0)])
-def test_the_forecast_is_where_the_target_is_reached(rule, density):
-    view, worst = View(pixels_per_degree=density), rule is Worst
-    first, judge = evidence(400, view=view), rule(target=9.0, min_spp=1)
-    assert true_jod(first, worst=worst) < 8.6
-    judge.judge(first)
-    spp = 2 * round(judge.expected_end_spp(None) / 2)
-    assert true_jod(evidence(spp, view=view, seed=2), worst=worst) == pytest.approx(9, abs=0.15)
+def test_the_forecast_is_where_the_target_is_reached():
+    target = 9.0
+    assert true_jod(evidence(200)) < target - 0.5
+    spp = 2 * round(evidence(200).quality_forecast(target) / 2)
+    assert spp > 400
+    assert true_jod(evidence(spp, seed=2)) == pytest.approx(target, abs=0.1)
 
 
 def test_what_is_reached_is_forecast_for_now_and_what_is_out_of_reach_for_never():
@@ -158,32 +151,3 @@ class TestTheRule:
         verdict = Jod().judge(one)
         assert verdict.value is None
         assert "no two halves" in verdict.reason
-
-
-class TestTheRuleForTheWorstPlace:
-    def test_goes_on_where_a_corner_is_noisy_that_the_rest_makes_up_for(self):
-        # Given an image of 20 by 20 degrees, of which a corner of three by three has all the noise
-        wide, view = np.full((80, 80, 3), 0.4, np.float32), View(pixels_per_degree=4)
-        corner = np.zeros((80, 80, 1))
-        corner[:12, :12] = 1
-        seen = [evidence(spp, view=view, truth=wide, sigma=2 * corner) for spp in (400, 410)]
-        # Then the quality of all is reached, and that of the corner is not
-        jod, worst = (rule(target=9.0, min_spp=1) for rule in (Jod, Worst))
-        assert [jod.judge(one).stop for one in seen] == [False, True]
-        verdicts = [worst.judge(one) for one in seen]
-        assert not any(verdict.stop for verdict in verdicts)
-        assert verdicts[1].value < 8
-        assert "the quality in the worst place is an estimated" in verdicts[1].reason
-        assert worst.expected_end_spp(None) > 2 * jod.expected_end_spp(None)
-
-    def test_counts_the_greatest_error_that_a_denoised_image_may_have(self):
-        model = noise_model(NOISY.metric, NOISY.image, NOISY.halves)
-        sure = [
-            Worst().judge(replace(NOISY, error=BlendError(model, greatest))).numbers["low_jod"]
-            for greatest in (model, replace(model, noise=2 * model.noise))
-        ]
-        assert sure[1] < sure[0] - 0.1
-
-    def test_judges_an_image_that_is_smaller_than_a_patch(self):
-        small = evidence(200, view=View(pixels_per_degree=38), truth=RAMP[:5, :5])
-        assert 0 < Worst().judge(small).value < 10

@@ -22,7 +22,6 @@ from plateau.farm.model.spec.rule_specs import (
     RuleSpec,
     SuccessiveSpec,
     VisibleSpec,
-    WorstSpec,
 )
 from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
 from plateau.farm.model.spec.view import PLACES, ViewSpec
@@ -53,7 +52,6 @@ __all__ = [
     "Variant",
     "ViewSpec",
     "VisibleSpec",
-    "WorstSpec",
     "parameter_strings",
     "stored_spec",
 ]

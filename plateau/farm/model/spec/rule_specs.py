@@ -25,6 +25,5 @@ ReverseSpec = SPECS["reverse"]
 RmseSpec = SPECS["rmse"]
 SuccessiveSpec = SPECS["successive"]
 VisibleSpec = SPECS["visible"]
-WorstSpec = SPECS["worst"]
 
 RuleSpec = Annotated[reduce(or_, SPECS.values()), Field(discriminator="name")]

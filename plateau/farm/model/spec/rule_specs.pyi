@@ -40,11 +40,6 @@ class JodSpec(RuleModel):
     target: float = 9.5
     min_spp: int = 200
 
-class WorstSpec(RuleModel):
-    name: Literal["worst"] = "worst"
-    target: float = 9.7
-    min_spp: int = 200
-
 class RelmseSpec(RuleModel):
     name: Literal["relmse"] = "relmse"
     target: float = 0.001
@@ -74,7 +69,6 @@ RuleSpec = Annotated[
     | MyszkowskiSpec
     | VisibleSpec
     | JodSpec
-    | WorstSpec
     | RelmseSpec
     | RmseSpec
     | PsnrSpec
