@@ -32,7 +32,6 @@ from plateau.metric import (
     Image,
     Visible,
     VisibleDifferences,
-    allowed_pixels,
     blended,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -55,7 +54,6 @@ _HEADS: Final = {
         *("scene", "denoised alone, wrong pixels of raw", "blend, wrong pixels of raw"),
         *("raw, estimate / truth", "blend, estimate / truth"),
     ),
-    "denoising-determined": ("scene", "points", "determined", "of these, twice as wrong"),
 }
 
 
@@ -96,12 +94,6 @@ def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
         found = [p.estimate(kind) / p.wrong[kind] for p in every if p.wrong[kind] >= ENOUGH]
         return _spread(found)
 
-    determined = [one for one in every if one.is_determined]
-    twice = [
-        one
-        for one in determined
-        if one.wrong[BLEND] > 2 * max(one.estimate(BLEND), Visible().target)
-    ]
     content = {
         "denoising": [
             [
@@ -116,7 +108,6 @@ def tables(scene: str, rows: Sequence[Sequence["Point"]]) -> dict[str, Table]:
                 *(estimated(RAW), estimated(BLEND)),
             ]
         ],
-        "denoising-determined": [[scene, *(str(len(one)) for one in (every, determined, twice))]],
     }
     return {name: [list(head), *content[name]] for name, head in _HEADS.items()}
 
@@ -155,13 +146,6 @@ class Point:
     wrong: dict[str, float]  #: of each kind, counted
     seen: dict[str, Evidence]
     is_look: bool = False  #: whether a denoised job judges it
-
-    @property
-    def is_determined(self) -> bool:
-        """Whether the samples tell how wrong the denoiser is, for Plateau's own rule."""
-        found = self.seen[BLEND]
-        assert found.estimate is not None
-        return found.estimate.is_determined(allowed_pixels(Visible().target, found.pixels))
 
     def estimate(self, kind: str) -> float:
         """Return the estimate of an image, raw or blended."""

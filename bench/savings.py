@@ -22,7 +22,7 @@ from bench.support.alone import spp_costs
 from bench.support.other_rules import CyclesAdaptive, CyclesThreshold, LuxCoreHalt
 from bench.support.processes import cpu_s
 from bench.support.recordings import PAPER
-from bench.support.report import DOCS, Table, fill, markdown, write_report
+from bench.support.report import Table, write_report
 from bench.support.series import CYCLES, CYCLES_ADAPTIVE, SLICE_SPP, TARGET, Rendered, Series, Stop
 from plateau import scenes
 from plateau.farm.images.exr import decode_partial
@@ -33,7 +33,6 @@ from plateau.picture.merge import Merge
 
 #: The basis of comparison: this many spp, whatever the image looks like.
 FIXED_SPP: Final = 10_000
-FIXED: Final = f"fixed {FIXED_SPP:,} spp"
 #: In the order of the tables: how a document names a rule, its stop, and whose evaluations it has.
 RULES: Final = {
     "`visible`": ("visible @100", "ours"),
@@ -79,7 +78,6 @@ def main() -> None:
         ],
         document="savings.md",
     )
-    fill(DOCS / "savings.md", {"savings-scenes": scene_tables(found)})
 
 
 def look_costs(renders: Rendered) -> dict[str, list[float]]:
@@ -141,24 +139,6 @@ def time_ratio(one: Series, rule: str) -> float:
     )
 
 
-def scene_tables(every: Sequence[Series]) -> str:
-    """Return a table for each scene, under its name: a row for each rule."""
-    head = ["rule", "stopped at, spp", "machine time", "pixels still visibly wrong", "share"]
-    parts = []
-    for one in every:
-        fixed = f"{FIXED_SPP:,}"
-        if one.cap != FIXED_SPP:
-            fixed += f" (evaluated at {one.cap:,})"
-        at_cap = left(one, Stop(one.cap, True, 0, one.truth[-1]))
-        rows = [[rule, *_row(one, rule), *_wrong(one, left_by(one, rule))] for rule in RULES]
-        rows.append([FIXED, fixed, "100%", *_wrong(one, at_cap)])
-        true = one.true_spp(TARGET)
-        known = f"over {one.cap / 2:,.0f}" if true is None else f"{true:,.0f}"
-        about = f"Rendered to {one.cap:,} spp; {TARGET:.1%} are wrong at {known} spp."
-        parts.append(f"### {one.name}\n\n{about}\n\n{markdown([head, *rows])}")
-    return "\n".join(parts)
-
-
 def summary_table(every: Sequence[Series]) -> Table:
     """Return each rule's machine time over all scenes, and how often it left too much."""
     table = [
@@ -216,22 +196,6 @@ def _over(share: float, wrong: Sequence[tuple[float, str]]) -> str:
     over = [how for of_pixels, how in wrong if of_pixels > share]
     unsure = over.count("at most")
     return f"{len(over) - unsure}" + (f", {unsure} unsure" if unsure else "")
-
-
-def _row(one: Series, rule: str) -> list[str]:
-    stop, ratio = one.stops[RULES[rule][0]], time_ratio(one, rule)
-    if rule == CYCLES_ADAPTIVE:
-        words, since = f"{stop.spp:,.0f} on average", f" by {one.cap:,}"
-    else:
-        words, since = ("" if stop.ended else "> ") + f"{stop.spp:,.0f}", ""
-    if stop.unfinished:
-        words += f" ({stop.unfinished} pixels not done{since})"
-    return [words, f"{ratio:.0%}" if stop.ended else f"over {ratio:.0%}"]
-
-
-def _wrong(one: Series, found: tuple[float, str]) -> list[str]:
-    pixels, how = found
-    return [f"{how} {pixels:.0f}".strip(), f"{how} {pixels / one.pixels**2:.2%}".strip()]
 
 
 if __name__ == "__main__":

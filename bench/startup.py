@@ -2,8 +2,7 @@
 
 `plateau render` starts Redis, API, monitor and worker, renders the two steps that the default rule
 needs, writes its results and stops all processes. One Mitsuba process imports Mitsuba, loads the
-scene and renders the same passes. They alternate, with kernels that Dr.Jit has compiled before, and
-in an empty home where it has to compile them. `plateau --help` is timed as well.
+scene and renders the same passes. They alternate, with kernels that Dr.Jit has compiled before.
 """
 
 import argparse
@@ -29,33 +28,24 @@ from plateau.worker.supervisor.variants import VariantChoice, choose
 
 #: A scene without noise, whose job converges at once.
 _SCENE: Final = ROOT / "bench" / "support" / "still"
-#: Whether Dr.Jit has compiled the scene's kernels before.
-KERNELS = ("kernels at hand", "kernels compiled")
-HELP = "plateau --help"
-_COLUMNS = {
-    "plateau render": "under 6 s",
-    "Mitsuba alone": None,
-    "beyond Mitsuba": "under 3 s",
-}
+_COLUMNS = ("plateau render", "Mitsuba alone", "beyond Mitsuba")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """What is started, and how often."""
 
-    pairs: int = 5  #: of each kind, after one that is not counted
-    helps: int = 10
+    pairs: int = 5  #: after one that is not counted
     size: int = 256  #: of the image, in pixels
     variant: str | None = None  #: by default the one that a worker takes by itself
 
 
 @dataclass(frozen=True)
 class Found:
-    """The times of `plateau render` and of Mitsuba alone in pairs, by `KERNELS`."""
+    """The times of `plateau render` and of Mitsuba alone in pairs."""
 
     spp: int
-    pairs: dict[str, list[tuple[Taken, Taken]]]
-    helps: list[Taken]
+    pairs: list[tuple[Taken, Taken]]
 
 
 def main() -> None:
@@ -67,7 +57,7 @@ def main() -> None:
     write_report(
         "startup",
         tables(plan, measure(plan)),
-        settings={"pairs": plan.pairs, "helps": plan.helps},
+        settings={"pairs": plan.pairs},
         notes=[
             "A first run of each is not counted: it compiles modules and reads files.",
             "The variant of this machine and the metric's kernels are cached in all runs.",
@@ -80,7 +70,7 @@ def main() -> None:
 def measure(plan: Plan) -> Found:
     """Time the starts; raise if a job did not converge."""
     choice = choose(Settings().cache)
-    pairs: dict[str, list[tuple[Taken, Taken]]] = {kind: [] for kind in KERNELS}
+    pairs = []
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder) / "cache"
         cache.mkdir()
@@ -89,20 +79,16 @@ def measure(plan: Plan) -> Found:
         spp = _render(plan, choice, cache)[0]
         _bare(plan, choice, cache, spp)
         for number in range(plan.pairs):
-            for kind in KERNELS:
-                took = {}
-                # The first to run alternates, so that a machine that slows down slows both.
-                for name in ("ours", "bare")[:: 1 if number % 2 else -1]:
-                    if kind == "kernels compiled":
-                        shutil.rmtree(cache / "home")
-                    if name == "ours":
-                        took[name] = _render(plan, choice, cache)[1]
-                    else:
-                        took[name] = _bare(plan, choice, cache, spp)
-                pairs[kind].append((took["ours"], took["bare"]))
+            took = {}
+            # The first to run alternates, so that a machine that slows down slows both.
+            for name in ("ours", "bare")[:: 1 if number % 2 else -1]:
+                if name == "ours":
+                    took[name] = _render(plan, choice, cache)[1]
+                else:
+                    took[name] = _bare(plan, choice, cache, spp)
+            pairs.append((took["ours"], took["bare"]))
             print(f"pair {number + 1} of {plan.pairs} done", file=sys.stderr)
-    helps = [_plateau(Settings().cache, "--help") for _ in range(1 + plan.helps)]
-    return Found(spp, pairs, helps[1:])
+    return Found(spp, pairs)
 
 
 def _environment(cache: Path) -> dict[str, str]:
@@ -156,24 +142,19 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
 
 
 def tables(plan: Plan, found: Found) -> dict[str, Table]:
-    """Return the tables: each start, the help, and the machine."""
-    rows = []
-    for kind, pairs in found.pairs.items():
-        ours, bare = ([one.wall_s for one in runs] for runs in zip(*pairs, strict=True))
-        beyond = [one - other for one, other in zip(ours, bare, strict=True)]
-        rows.append([kind, *(spread(values, 2) for values in (ours, bare, beyond))])
-    goals = ["goal", *(goal or "" for goal in _COLUMNS.values())]
-    helps = spread([one.wall_s for one in found.helps], 2)
+    """Return the tables: a start, and the machine."""
+    ours, bare = ([one.wall_s for one in runs] for runs in zip(*found.pairs, strict=True))
+    beyond = [one - other for one, other in zip(ours, bare, strict=True)]
+    row = ["a start", *(spread(values, 2) for values in (ours, bare, beyond))]
     settings = {
         "size": f"{plan.size}×{plan.size}",
         "spp": found.spp,
         "pairs": plan.pairs,
         "variant": plan.variant or choose(Settings().cache).variant,
     }
-    others = [one.others for pairs in found.pairs.values() for pair in pairs for one in pair]
+    others = [one.others for pair in found.pairs for one in pair]
     return {
-        "startup": [["wall time, s", *_COLUMNS], *rows, goals],
-        "startup-help": [["", "wall time, s", "goal"], [f"`{HELP}`", helps, "under 0.3 s"]],
+        "startup": [["wall time, s", *_COLUMNS], row],
         "startup-machine": machine_table(settings, others),
     }
 

@@ -117,11 +117,6 @@ class CyclesAdaptive:
         """The image of these samples, (H, W, 3) float32."""
         return _normalised(self._total)
 
-    @property
-    def active_pixels(self) -> int:
-        """How many pixels still get samples."""
-        return 0 if self._active is None else int(self._active.sum())
-
     def add(self, first: NDArray[Any], second: NDArray[Any], spp: int) -> bool:
         """Add two slices to the unfinished pixels; return whether all pixels are finished.
 

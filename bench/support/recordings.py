@@ -3,7 +3,7 @@
 A recording is a file of (slices, height, width, 3) float32, each slice a mean. A recording that
 ends early is continued. As a program, in a process for Mitsuba, this module records slices
 (``slices FAMILY INTENSITY WIDTH HEIGHT SLICES SPP SEED FILE``) or what guides a denoiser, albedo
-and normals (``guides FAMILY WIDTH HEIGHT FILE``).
+and normals (``guides FAMILY WIDTH HEIGHT FILE``). A family is a name, or the path of a scene's XML.
 """
 
 import argparse
@@ -96,7 +96,7 @@ def recorded(case: Case, asked: argparse.Namespace) -> NDArray[np.float32]:
     file: Path = asked.data / f"{case.slug}-{size}-{asked.slice_spp}.f32"
     slices = asked.spp // asked.slice_spp
     seed = case.seeds[0] * 1_000_000
-    _run("slices", case.family, f"{case.intensity:g}", *size, slices, asked.slice_spp, seed, file)
+    record("slices", case.family, f"{case.intensity:g}", *size, slices, asked.slice_spp, seed, file)
     return np.memmap(file, np.float32, "r").reshape(-1, size.height, size.width, 3)
 
 
@@ -104,7 +104,7 @@ def guides_of(case: Case, asked: argparse.Namespace) -> NDArray[np.float32]:
     """Return albedo and normals of a scene, (2, H, W, 3)."""
     file: Path = asked.data / f"{case.slug}-{asked.pixels}.guides.npy"
     if not file.exists():
-        _run("guides", case.family, *asked.pixels, file)
+        record("guides", case.family, *asked.pixels, file)
     found: NDArray[np.float32] = np.load(file)
     return found
 
@@ -117,7 +117,8 @@ def recordings_row(name: str, asked: argparse.Namespace, runs: object) -> list[s
 RECORDED: Final = ["scene", "spp", "slice_spp", "runs"]
 
 
-def _run(*arguments: object) -> None:
+def record(*arguments: object) -> None:
+    """Run this module as a program, which ends the arguments with the file that it writes."""
     Path(str(arguments[-1])).parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "bench.support.recordings", *map(str, arguments)]
     subprocess.run(command, check=True, cwd=ROOT)
@@ -126,10 +127,12 @@ def _run(*arguments: object) -> None:
 def _load(mi: Any, family: str, **parameters: str) -> Any:
     """Return a scene, with those of the parameters that it has."""
     hard = HARD_SCENES / f"{family}.xml"
-    file = hard if hard.exists() else scenes.FOLDER / family / "scene.xml"
+    named = hard if hard.exists() else scenes.FOLDER / family / "scene.xml"
+    file = Path(family) if family.endswith(".xml") else named
     text = file.read_text()
     has = {name: value for name, value in parameters.items() if f"${name}" in text}
-    return mi.load_file(str(file), **has)
+    # Otherwise several lamps may come in another order, and the same seed makes another image
+    return mi.load_file(str(file), parallel=False, optimize=False, **has)
 
 
 def main() -> None:

@@ -90,7 +90,6 @@ class Stop:
     ended: bool  #: whether the rule ended the series
     looks: int  #: evaluations by the rule
     seen: int  #: D(independent reference, image) then, in pixels
-    unfinished: int | None = None  #: pixels; None for a rule that judges only the whole image
 
 
 @dataclass
@@ -264,14 +263,9 @@ def measure(renders: Rendered) -> Series:
             ended = adaptive.add(before, film, 2 * SLICE_SPP)
         before = film if before is None else None
     for name in rules.keys() - found.stops.keys():
-        halves = merge.halves()
-        assert halves is not None
-        done = CyclesThreshold().done(merge.image(), halves[0].mean)
-        unfinished = int((~done).sum()) if name == CYCLES else None
-        found.stops[name] = Stop(merge.spp, False, looks[name], found.truth[-1], unfinished)
+        found.stops[name] = Stop(merge.spp, False, looks[name], found.truth[-1])
     left = metric.compare(reference, metric.percept(adaptive.image)).count
-    about = looks[CYCLES_ADAPTIVE], left, adaptive.active_pixels
-    found.stops[CYCLES_ADAPTIVE] = Stop(adaptive.mean_spp, ended, *about)
+    found.stops[CYCLES_ADAPTIVE] = Stop(adaptive.mean_spp, ended, looks[CYCLES_ADAPTIVE], left)
     return found
 
 

@@ -8,16 +8,11 @@ from bench import startup
 @pytest.mark.timeout(600)
 @pytest.mark.long
 def test_starts_are_compared_with_mitsuba_alone() -> None:
-    plan = startup.Plan(pairs=1, helps=1, size=16, variant="scalar_rgb")
+    plan = startup.Plan(pairs=1, size=16, variant="scalar_rgb")
     found = startup.measure(plan)
     # The default rule needs two points to stop
     assert found.spp == 200
-    assert {kind: len(pairs) for kind, pairs in found.pairs.items()} == dict.fromkeys(
-        startup.KERNELS, 1
-    )
-    for pairs in found.pairs.values():
-        for ours, bare in pairs:
-            assert 0 < bare.cpu_s < ours.cpu_s
+    [(ours, bare)] = found.pairs
+    assert 0 < bare.cpu_s < ours.cpu_s
     tables = startup.tables(plan, found)
-    assert [row[0] for row in tables["startup"][1:]] == [*startup.KERNELS, "goal"]
-    assert tables["startup-help"][1][0] == f"`{startup.HELP}`"
+    assert [row[0] for row in tables["startup"][1:]] == ["a start"]

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from plateau.metric import Estimate, Evidence, VisibleDifferences, create_rule
-from plateau.metric.rules.line import least_squares_slope
 from plateau.metric.vdp import Difference
 from tests.support.images import PAPER
 
@@ -115,55 +114,3 @@ class TestOurBox:
     def test_successive_stops_while_the_noise_is_plain_to_see(self):
         stop = first_stop(create_rule("successive"), BOX, range(50, 3601, 50))
         assert BOX_TRUTH[stop] > 0.004 * PIXELS
-
-
-def with_slopes(slopes, *, step=100):
-    """Points of the reverse comparison whose five-point slopes, one after the other, are these."""
-    counts = [7000, 7000, 7000, 7000]
-    for slope in slopes:
-        # The least-squares slope over five even steps is Σ k·D_k / 10 step, k = -2 … 2.
-        weighed = 2 * counts[-4] + counts[-3] - counts[-1]
-        counts.append(round((10 * step * slope + weighed) / 2))
-    spps = [step * (number + 2) for number in range(len(counts))]
-    found = [
-        least_squares_slope(list(zip(spps, counts, strict=True))[i : i + 5])
-        for i in range(len(slopes))
-    ]
-    assert found == pytest.approx(slopes, abs=0.002)
-    return Recorded({(step, spp): count for spp, count in zip(spps, counts, strict=True)}), spps
-
-
-class TestThePrototypesCornellBox:
-    """The table with which it was decided what to build."""
-
-    ROWS = rows("cornell-box")
-
-    def pairs(self, column, earlier):
-        """What a rule says of each row, when all that it is shown before is one earlier image."""
-        for row in self.ROWS:
-            if row[column] is not None:
-                spp = int(row["spp"])
-                recorded = Recorded({(earlier(spp), spp): int(row[column])})
-                verdict = judged(create_rule(column), recorded, [earlier(spp), spp])[-1]
-                yield spp, verdict
-
-    def test_reverse_stops_at_2450(self):
-        steep = [row for row in self.ROWS if row["slope"] is not None]
-        recorded, spps = with_slopes([row["slope"] for row in steep])
-        verdicts = judged(create_rule("reverse"), recorded, [100, *spps])[5:]
-        stops = {row["spp"]: verdict.stop for row, verdict in zip(steep, verdicts, strict=True)}
-        assert [spp for spp, stop in stops.items() if stop] == [2450]
-
-    def test_successive_and_myszkowski_stop_where_a_pixel_is_left(self):
-        successive = self.pairs("successive", lambda spp: spp - 50)
-        assert [spp for spp, verdict in successive if verdict.stop] == [2050, 2450]
-        myszkowski = self.pairs("myszkowski", lambda spp: spp // 2)
-        assert [spp for spp, verdict in myszkowski if verdict.stop] == [2050]
-
-    def test_visible_stops_once_its_estimate_is_there_and_hardly_a_pixel_is_left(self):
-        spps = [int(row["spp"]) for row in self.ROWS]
-        recorded = Recorded({}, {row["spp"]: row["estimate"] for row in self.ROWS})
-        stop = first_stop(create_rule("visible"), recorded, spps)
-        assert stop in (1550, 2050)
-        [truth] = [row["truly_visible"] for row in self.ROWS if row["spp"] == stop]
-        assert truth < 0.0003 * PIXELS
