@@ -3,8 +3,6 @@
 import os
 import signal
 
-import pytest
-
 from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until
 
@@ -66,12 +64,3 @@ def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFar
     assert all(times)
     assert times == sorted(times)  # type: ignore[type-var]
     farm.client.cancel(long.id)
-
-
-@pytest.mark.parametrize("options", [("--pool", "two words"), ("--tag", "gpu:0")])
-def test_names_that_cannot_be_are_refused_at_the_start(
-    farm: RealFarm, options: tuple[str, str]
-) -> None:
-    refused = farm.start("worker", *options)
-    assert refused.wait(60) not in {0, -signal.SIGTERM}
-    farm.processes.remove(refused)

@@ -9,13 +9,12 @@ import pytest
 import redis
 from playwright.sync_api import Page, expect
 
-from plateau.farm.ledger.api_keys import ApiKeys, Role
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
 from tests.page.conftest import Visit
-from tests.service.api.routes.test_workers import LIMITS
 from tests.support.farms.ledger_farm import about
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
@@ -37,7 +36,7 @@ def give(page: Page, key: str) -> None:
 def test_it_is_asked_for_once_and_opens_everything(
     visit: Visit, farm: NoiseFarm, keys: ApiKeys, tmp_path: Path
 ) -> None:
-    _, key = keys.create("page", Role.SUBMITTER, LIMITS)
+    _, key = keys.create("page", Role.SUBMITTER, KeyLimits())
     job = farm.submit("box", step=25, max_spp=50, rule={"name": "fixed", "spp": 50})
     with farm.monitor():
         farm.render(2)
@@ -72,7 +71,7 @@ def test_it_is_asked_for_once_and_opens_everything(
 def test_a_viewer_is_offered_what_it_may(
     visit: Visit, farm: NoiseFarm, keys: ApiKeys, client: redis.Redis
 ) -> None:
-    _, key = keys.create("guest", Role.VIEWER, LIMITS)
+    _, key = keys.create("guest", Role.VIEWER, KeyLimits())
     job = farm.submit("box")
     visitor = visit("/submit", expected={401, 404})
     page = visitor.page
@@ -111,7 +110,7 @@ def test_a_viewer_is_offered_what_it_may(
 def test_a_submitter_steers_its_own_jobs(
     visit: Visit, farm: NoiseFarm, keys: ApiKeys, url: str
 ) -> None:
-    _, key = keys.create("anna", Role.SUBMITTER, LIMITS)
+    _, key = keys.create("anna", Role.SUBMITTER, KeyLimits())
     farm.submit("other")
     files = {"scene": ("mine.xml", SCENE_XML)}
     headers = {"Authorization": f"Bearer {key}"}

@@ -13,7 +13,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
-from plateau.farm.ledger.api_keys import ApiKeys, Role
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
@@ -22,7 +22,6 @@ from plateau.metric import encode_srgb
 from plateau.study import keys as study_keys
 from plateau.study.answers_table import fit_table
 from plateau.study.ledger import Studies, of_study, study_level
-from tests.service.api.access.test_keys import PLENTY
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.farms.studies import SCREEN, ended_job
 
@@ -273,7 +272,7 @@ def test_only_who_made_a_study_removes_it(
 ) -> None:
     keyring = ApiKeys(client)
     mine, others, looks = (
-        {"Authorization": f"Bearer {keyring.create(name, role, PLENTY)[1]}"}
+        {"Authorization": f"Bearer {keyring.create(name, role, KeyLimits())[1]}"}
         for name, role in (
             ("mine", Role.SUBMITTER),
             ("others", Role.SUBMITTER),

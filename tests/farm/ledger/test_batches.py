@@ -100,35 +100,6 @@ def jobs_number(client: redis.Redis, job_id: str) -> float | None:
     return score
 
 
-class TestASummary:
-    def test_adds_its_jobs_up(self, client: redis.Redis, jobs: Jobs, batches: Batches) -> None:
-        ids = create(jobs, 4, max_spp=1000)
-        finish(client, ids[0], JobState.CONVERGED, spp=200)
-        rendering = StagedJob(client, ids[1])
-        rendering.commit(4)
-        rendering.point(100, 9)
-        jobs.cancel(ids[3])
-        found = batches.get("b")
-        assert (found.jobs, found.job_ids, found.finished) == (4, ids, 1)
-        assert found.states == {
-            JobState.CONVERGED: 1,
-            JobState.RENDERING: 1,
-            JobState.QUEUED: 1,
-            JobState.CANCELLED: 1,
-        }
-        each = [jobs.get(job_id) for job_id in ids]
-        assert found.spp is not None
-        assert (found.spp.least, found.spp.most, found.spp.mean) == (0, 200, 75)
-        assert found.machine_s == pytest.approx(sum(job.machine_s for job in each))
-        assert found.samples_saved == each[0].samples_saved == 800 * 32 * 24
-        assert (found.created_at, found.started_at) == (each[0].created_at, each[0].started_at)
-        assert found.ended_at is None
-        # It has ended with its last job
-        for job_id in ids[1:3]:
-            jobs.cancel(job_id)
-        assert batches.get("b").ended_at == max(jobs.get(job_id).ended_at for job_id in ids)
-
-
 NOW = datetime(2026, 11, 21, 12, tzinfo=timezone.utc)
 
 

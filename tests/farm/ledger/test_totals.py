@@ -5,7 +5,7 @@ import redis
 
 from plateau.farm.ledger.ownership import Ownership
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.farm.ledger.totals import Demand, note_sweep, take_census
+from plateau.farm.ledger.totals import Demand, take_census
 from plateau.farm.ledger.workers import MonitorLife
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
@@ -246,13 +246,6 @@ def test_a_monitor_counts_until_it_signs_off_or_falls_silent(farm: Farm) -> None
     assert take_census(farm.client).jobs_owned == 4
     one.sign_off()
     assert take_census(farm.client).jobs_owned == 1
-
-
-def test_a_sweep_is_noted(farm: Farm) -> None:
-    note_sweep(farm.client)
-    swept_at = take_census(farm.client).swept_at
-    assert swept_at is not None
-    assert abs(swept_at - farm.jobs.now_ms() / 1000) < 60
 
 
 def test_a_census_does_not_look_at_jobs_that_are_finished(farm: Farm) -> None:

@@ -124,25 +124,6 @@ class TestLeftOut:
 class TestWords:
     """A job for which no worker lives says what it waits for."""
 
-    def test_a_tag(self, farm: Farm) -> None:
-        job = farm.made(requires=("gpu", "highmem"))
-        farm.lives("plain", "gpu")
-        assert farm.words(job) == (
-            "waits for a worker with tags gpu, highmem: there is none that takes work"
-        )
-        assert take_census(farm.client).unserved == (job.id,)
-        farm.lives("large", "highmem", "gpu", "fast")
-        assert farm.words(job) is None
-        assert take_census(farm.client).unserved == ()
-
-    def test_a_variant_and_a_pool(self, farm: Farm) -> None:
-        job = farm.made(variant="cuda_ad_rgb", pool="night")
-        farm.lives("plain")
-        assert farm.words(job) == (
-            "waits for a worker that renders cuda_ad_rgb in pool night: there is none that takes "
-            "work"
-        )
-
     def test_not_where_it_is_not_to_be_rendered(self, farm: Farm) -> None:
         job = farm.made()
         farm.jobs.cancel(job.id)

@@ -95,11 +95,6 @@ def orphan(store: Blobs, job_id: str) -> list[str]:
 
 
 class TestFinishedJobs:
-    def test_stay_for_ever_by_default(self, client: redis.Redis, store: Blobs) -> None:
-        job = finished(client, store, days_ago=10_000)
-        assert sweep(client, store) == NOTHING
-        assert store.names(f"jobs/{job.id}/")
-
     def test_go_whole_after_the_retention(
         self, client: redis.Redis, jobs: Jobs, store: Blobs
     ) -> None:
@@ -258,15 +253,6 @@ class TestOrphans:
         store.put("jobs/0123456789ab/of-a-later-version", b"x")
         assert sweep(client, store).orphans == 4
         assert store.names("jobs/0123456789ab/") == []
-
-    def test_of_a_finished_job_go_and_its_results_stay(
-        self, client: redis.Redis, store: Blobs
-    ) -> None:
-        job = finished(client, store)
-        kept = store.names(f"jobs/{job.id}/")
-        orphan(store, job.id)
-        assert sweep(client, store) == Swept(jobs=0, scenes=0, orphans=3, blobs=3, freed_bytes=15)
-        assert sorted(store.names(f"jobs/{job.id}/")) == sorted(kept)
 
     def test_slices_that_a_job_keeps_are_none(self, client: redis.Redis, store: Blobs) -> None:
         job = finished(client, store, keep_slices=True)

@@ -122,11 +122,3 @@ def test_an_image_without_noise_has_no_error():
         seen = verdict(name, evidence(400, sigma=0.0))
         assert seen.stop
         assert seen.value == (200 if name == "psnr" else 0)
-
-
-@pytest.mark.parametrize(
-    ("name", "target"), [("relmse", 40), ("psnr", 0.001), ("rmse", 0), ("noise", 3), ("psnr", -1)]
-)
-def test_a_target_of_another_measure_is_refused(name, target):
-    with pytest.raises(ValueError, match="target must be a number from"):
-        create_rule(name, target=target)

@@ -1,7 +1,6 @@
 """The Python client against a live API."""
 
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -57,20 +56,6 @@ def test_a_scene_goes_in_and_its_job_comes_out(
     plateau.download(job.id, "image.png", tmp_path / "image.png")
     assert (tmp_path / "image.png").read_bytes() == b"a picture"
     assert [event.type for event in plateau.happened(job.id)][-2:] == ["point", "image"]
-
-
-def test_waiting_ends_when_the_results_are_written(plateau: Client, client: redis.Redis) -> None:
-    staged = StagedJob(client)
-    staged.commit()
-    staged.end()
-    started = time.monotonic()
-    threading.Timer(0.3, staged.finish).start()
-    job = plateau.wait(staged.id)
-    assert time.monotonic() - started >= 0.25
-    assert (job.state, job.finished_at is not None) == (JobState.CONVERGED, True)
-    # and at once where it is over
-    last = plateau.happened(staged.id)[-1]
-    assert list(plateau.events(staged.id, after=last.id)) == []
 
 
 def test_a_problem_is_an_error_with_all_that_it_says(

@@ -58,6 +58,7 @@ class TestTheClient:
         assert [job.id for job in made] == batch.job_ids
         assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
         assert {job.name for job in made} == {"walk"}
+        assert len(plateau.scenes()) == 1
         # Each draws samples of its own, unless it is asked for the same ones
         assert [job.spec.seed for job in made] == [0, 1, 2]
         # It can be submitted again by its hash, and repeated

@@ -22,7 +22,6 @@ from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"
 SHOWN = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})\n")
-PLENTY = KeyLimits()
 
 Say = Callable[..., tuple[str, str]]
 Start = Callable[..., Command]
@@ -166,7 +165,7 @@ class TestTheCommands:
 class TestAClient:
     @pytest.fixture
     def key(self, redis_url: str) -> str:
-        return ApiKeys(connect(redis_url)).create("me", Role.VIEWER, PLENTY)[1]
+        return ApiKeys(connect(redis_url)).create("me", Role.VIEWER, KeyLimits())[1]
 
     def test_shows_its_key(self, api: str, key: str) -> None:
         with Client(api) as nobody, pytest.raises(ApiError, match="PLATEAU_KEY") as refused:

@@ -103,14 +103,6 @@ def test_a_job_that_did_not_converge_saved_nothing(
     assert "of the cap" not in (tmp_path / "summary.txt").read_text()
 
 
-def test_a_job_without_an_image_leaves_its_summary(
-    plateau: Client, client: redis.Redis, tmp_path: Path
-) -> None:
-    write_results(plateau, plateau.job(failed(client).id), tmp_path / "out")
-    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
-    assert "no plugin of that name" in (tmp_path / "out" / "summary.txt").read_text()
-
-
 class TestAFolderThatAnotherJobHadBefore:
     def test_has_nothing_of_it_any_more(
         self, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path

@@ -66,15 +66,6 @@ def test_the_estimate_is_shown_with_the_target_where_that_is_the_rule(client: re
     assert last.count("stops at") == 1
 
 
-def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:
-    text = shown(client, terminal=True)
-    assert "300 of at most 10,000 spp" in text
-    assert "scalar_rgb · 32×24" in text
-    # with the curve, in dots
-    assert re.search("[\u2801-\u28ff]", text)
-    assert "noise left" in text
-
-
 @pytest.mark.parametrize(
     ("narrower", "curve"), [({"width": 40}, True), ({"height": 11}, True), ({}, False)]
 )

@@ -36,16 +36,6 @@ def finished_job(client: redis.Redis, store: Blobs) -> str:
     return job.id
 
 
-def test_orphans_go_by_themselves_and_jobs_stay(
-    settings: Settings, client: redis.Redis, store: Blobs
-) -> None:
-    job = finished_job(client, store)
-    store.put(ORPHAN, b"x")
-    with sweeping(settings, store):
-        until(lambda: not store.exists(ORPHAN), 60)
-    assert store.names(f"jobs/{job}/")
-
-
 def test_jobs_go_after_the_retention(
     settings: Settings, client: redis.Redis, store: Blobs, caplog: pytest.LogCaptureFixture
 ) -> None:

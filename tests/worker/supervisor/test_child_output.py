@@ -52,11 +52,6 @@ def test_words_are_taken_once_and_without_their_colours(child: RenderChild, tmp_
         assert child.take_words() == ""
 
 
-def test_a_good_scene_is_silent(child: RenderChild, tmp_path: Path) -> None:
-    child.load(scene(tmp_path, SCENE.format(integrator="path")), "scene.xml", SMALL, 0)
-    assert child.take_words() == ""
-
-
 def test_the_words_of_a_dead_child_are_there_still(child: RenderChild, tmp_path: Path) -> None:
     folder = scene(tmp_path, WARNED_OF)
     child.load(folder, "scene.xml", SMALL, 0)

@@ -2,11 +2,9 @@
 
 import hashlib
 import json
-import os
 import shutil
 import signal
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -299,18 +297,6 @@ def test_a_worker_that_was_outrun_stops_at_its_next_pass(bench: Bench) -> None:
     assert partials(bench, job) == []
 
 
-def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
-    job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
-    with bench.worker():
-        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
-    # The slice can be leased at once, and no try was counted
-    found = SliceQueue(bench.client, "next", 60).lease(("scalar_rgb",), None, in_turn=False)
-    assert found is not None
-    assert (found.index, found.tries) == (0, 1)
-    (entry,) = bench.jobs.log(job.id)
-    assert (entry.what, entry.cause) == ("handed-back", "the worker stops")
-
-
 def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
     """As Slurm and systemd send it: the child hears it too, and must not die of it first."""
     job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
@@ -342,21 +328,6 @@ def test_a_worker_without_work_leaves_where_it_was_told_to(
     assert not thread.is_alive()
     assert len(bench.jobs.ledger(job.id)) == 3
     assert Workers(bench.client).living() == []
-
-
-def test_a_redis_that_is_away_for_a_while_costs_nothing(
-    bench: Bench, embedded_redis: object
-) -> None:
-    job, _ = bench.job(slices=6, parameters={"size": 128})
-    pid = embedded_redis.process.pid  # type: ignore[attr-defined]
-    with bench.worker():
-        until(lambda: len(bench.jobs.ledger(job.id)) >= 1)
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(0.5)
-        os.kill(pid, signal.SIGCONT)
-        until(lambda: len(bench.jobs.ledger(job.id)) == 6)
-    assert bench.jobs.get(job.id).state is JobState.RENDERING
-    assert list(bench.jobs.ledger(job.id)) == list(range(6))
 
 
 def test_a_child_is_there_before_any_scene_and_another_when_the_cache_was_cleared(

@@ -7,7 +7,6 @@ import httpx
 import pytest
 import redis
 
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.wire.batch_views import batch_path
 from tests.support.api_calls import problem, submit
 from tests.support.farms.staged_job import StagedJob
@@ -31,21 +30,6 @@ def listed(http: httpx.Client, **asked: str) -> list[dict[str, Any]]:
 
 
 class TestAListOfParameters:
-    def test_makes_a_job_for_each_entry_and_stores_the_scene_once(
-        self, http: httpx.Client, api_store: Blobs
-    ) -> None:
-        answer = submit(http, WIDE, frames(16, 17, 18, batch="widths", priority=2))
-        assert answer.status_code == 201, answer.text
-        batch = answer.json()
-        assert answer.headers["location"] == "/v1/batches/widths" == batch["links"]["self"]
-        assert http.get(answer.headers["location"]).json()["job_ids"] == batch["job_ids"]
-        made = listed(http, batch="widths")[::-1]
-        assert [job["id"] for job in made] == batch["job_ids"]
-        assert [job["spec"]["parameters"]["w"] for job in made] == [16, 17, 18]
-        assert {job["spec"]["priority"] for job in made} == {2}
-        assert len({job["scene_sha256"] for job in made}) == 1
-        assert len(http.get("/v1/scenes").json()["scenes"]) == 1
-
     def test_gets_a_name_where_it_has_none(self, http: httpx.Client) -> None:
         first, second = (
             submit(http, WIDE, frames(16), filename="walk.v2.xml").json()["name"] for _ in "ab"

@@ -14,7 +14,7 @@ from plateau.farm.model.states import JobState
 from tests.support.api_calls import BOX, FILM, problem, submit
 from tests.support.farms.live_api import LARGEST_UPLOAD
 from tests.support.farms.staged_job import StagedJob
-from tests.support.scenes.bundles import PLY, mesh, scene, zipped
+from tests.support.scenes.bundles import mesh, scene, zipped
 
 
 class TestSubmitting:
@@ -78,14 +78,6 @@ class TestSubmitting:
         [stored] = http.get("/v1/scenes").json()["scenes"]
         assert stored["sha256"] == sha256
         assert (stored["bytes"], stored["width"], stored["height"]) == (len(BOX), 16, 9)
-
-    def test_takes_a_stored_scene_by_its_hash(self, http: httpx.Client) -> None:
-        bundle = zipped({"scene.xml": scene(mesh("a.ply")), "a.ply": PLY}).read()
-        sha256 = submit(http, bundle, filename="box.zip").json()["scene_sha256"]
-        again = submit(http, None, scene_sha256=sha256)
-        assert again.status_code == 201
-        assert again.json()["scene_sha256"] == sha256
-        assert again.json()["name"] == "box"
 
     def test_is_called_as_its_spec_says(self, http: httpx.Client) -> None:
         job = submit(http, spec={"name": "Kitchen, v1.2"}).json()
@@ -229,30 +221,6 @@ class TestABadUpload:
         problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
 
 
-class TestListing:
-    def test_pages_show_every_job_once_newest_first(self, http: httpx.Client) -> None:
-        made = [submit(http).json()["id"] for _ in range(5)]
-        seen: list[str] = []
-        cursor: dict[str, str] = {}
-        while True:
-            page = http.get("/v1/jobs", params={"limit": "2", **cursor}).json()
-            seen += [job["id"] for job in page["jobs"]]
-            if page["next_cursor"] is None:
-                break
-            cursor = {"cursor": page["next_cursor"]}
-        assert seen == made[::-1]
-
-
-class TestCancelling:
-    def test_changes_the_state_at_once_and_may_be_repeated(self, http: httpx.Client) -> None:
-        job = submit(http).json()["id"]
-        for _ in range(2):
-            answer = http.post(f"/v1/jobs/{job}/cancel")
-            assert answer.status_code == 202
-            assert answer.json()["state"] == "cancelled"
-        assert http.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"
-
-
 def test_what_has_ended_is_steered_no_more(http: httpx.Client, client: redis.Redis) -> None:
     job = StagedJob(client)
     path = f"/v1/jobs/{job.id}"
@@ -275,27 +243,6 @@ def test_what_has_ended_is_steered_no_more(http: httpx.Client, client: redis.Red
 
 
 class TestDeletion:
-    def test_deletes_and_restores_an_ended_job(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        job = StagedJob(client)
-        job.commit()
-        job.end()
-        links = http.get(f"/v1/jobs/{job.id}").json()["links"]
-        lists = ({}, {"deleted": "true"})
-        for method, path, is_deleted in (
-            ("DELETE", links["self"], True),
-            ("POST", links["restore"], False),
-        ):
-            for _ in range(2):
-                answer = http.request(method, path)
-                assert answer.status_code == 202
-                assert answer.json() == http.get(links["self"]).json()
-                assert (answer.json()["deleted_at"] is not None) is is_deleted
-            listed = [http.get("/v1/jobs", params=asked).json()["jobs"] for asked in lists]
-            assert [bool(jobs) for jobs in listed] == [not is_deleted, is_deleted]
-            assert len(http.get("/v1/jobs", params={"deleted": "any"}).json()["jobs"]) == 1
-
     def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
         for method, call in (("DELETE", ""), ("POST", "/restore")):
@@ -303,25 +250,6 @@ class TestDeletion:
             assert found["state"] == "queued"
             problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
             problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
-
-
-class TestPausing:
-    def test_and_resuming_may_be_repeated(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        job.commit()
-        shown = http.get(f"/v1/jobs/{job.id}").json()
-        for call, state in (("pause", "paused"), ("resume", "rendering")):
-            assert shown["links"][call] == f"/v1/jobs/{job.id}/{call}"
-            for _ in range(2):
-                answer = http.post(shown["links"][call])
-                assert (answer.status_code, answer.json()["state"]) == (202, state)
-            now = http.get(f"/v1/jobs/{job.id}").json()
-            assert (now["state"], now["paused_at"] is not None) == (state, call == "pause")
-        assert now["paused_s"] > 0
-        # A paused job can be cancelled
-        http.post(f"/v1/jobs/{job.id}/pause")
-        cancelled = http.post(f"/v1/jobs/{job.id}/cancel").json()
-        assert (cancelled["state"], cancelled["paused_at"]) == ("cancelled", None)
 
 
 class TestChangingThePriority:

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import threading
 from collections.abc import Iterator
 
 import httpx
@@ -20,7 +19,6 @@ from plateau.farm.redis import keys
 from plateau.picture.films import checked_partial
 from tests.support.api_calls import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
-from tests.support.until import until
 
 
 def events(http: httpx.Client, job_id: str, **headers: str) -> Iterator[Event]:
@@ -80,17 +78,6 @@ def test_a_slice_is_a_partial_whatever_its_worker_said(
         checked_partial(store, secret, record["sha256"])
 
 
-def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) -> None:
-    job = StagedJob(client)
-    job.commit(3)
-    slices = http.get(f"/v1/jobs/{job.id}/slices").json()["slices"]
-    assert [(one["index"], one["first_seed"], one["spp"]) for one in slices] == [
-        (0, 0, 25),
-        (1, 3, 25),  # after the passes of 16, 8 and 1 spp
-        (2, 6, 25),
-    ]
-
-
 class TestImages:
     def test_come_as_they_are_stored(
         self, http: httpx.Client, client: redis.Redis, api_store: Blobs
@@ -145,45 +132,6 @@ class TestImages:
 
 
 class TestEvents:
-    def test_arrive_as_they_happen(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        happened: list[Event] = []
-        arrived: list[str] = []
-
-        def listen() -> None:
-            for event in events(http, job.id):
-                happened.append(event)
-                arrived.append(event.type)
-
-        listener = threading.Thread(target=listen)
-        listener.start()
-        until(lambda: arrived == ["state"])  # it is queued
-        expected = ["state"]
-
-        def all_is_heard() -> bool:
-            return len(arrived) >= len(expected)
-
-        for do, told in (
-            (job.commit, ["state", "slice"]),
-            (lambda: job.point(25, 12, slope=0.5), ["point"]),
-            (job.end, ["state"]),
-            (job.finish, ["image", "finished"]),
-        ):
-            do()
-            # Each is heard of before the next happens
-            expected += told
-            until(all_is_heard)
-            assert arrived == expected
-        listener.join(60)
-        assert [event.data["to"] for event in happened if event.type == "state"] == [
-            *("queued", "rendering", "converged")
-        ]
-        [point] = [event.data for event in happened if event.type == "point"]
-        assert (point["spp"], point["visible_pixels"], point["slope"]) == (25, 12, 0.5)
-        # As JSON on request
-        listed = http.get(f"/v1/jobs/{job.id}/events", headers={"Accept": "application/json"})
-        assert [one["id"] for one in listed.json()["events"]] == [one.id for one in happened]
-
     def test_go_on_from_the_last_one_seen(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
         job.commit(2)
@@ -208,20 +156,6 @@ def job(client: redis.Redis) -> StagedJob:
     job.die("the render process was ended by SIGSEGV", said="last words")
     job.commit(said="a warning")
     return job
-
-
-def test_it_tells_of_every_try(http: httpx.Client, job: StagedJob) -> None:
-    entries = http.get(f"/v1/jobs/{job.id}/log").json()["entries"]
-    assert [(one["slice"], one["what"], one["text"]) for one in entries] == [
-        (0, "committed", ""),
-        (1, "died", "last words"),
-        (1, "committed", "a warning"),
-    ]
-    assert [one["worker"] for one in entries] == ["worker-1"] * 3
-    assert entries[1]["cause"] == "the render process was ended by SIGSEGV"
-    assert [one["seconds"] for one in entries] == [0.5, 0.2, 0.5]
-    assert [one["at"] for one in entries] == sorted(one["at"] for one in entries)
-    assert http.get(f"/v1/jobs/{job.id}").json()["links"]["log"] == f"/v1/jobs/{job.id}/log"
 
 
 def test_it_tells_of_one_slice(http: httpx.Client, job: StagedJob) -> None:

@@ -1,10 +1,8 @@
 """Steering workers over HTTP."""
 
 import httpx
-import pytest
 import redis
 
-from plateau.farm.ledger.api_keys import KeyLimits
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
@@ -13,32 +11,6 @@ from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.api_calls import problem
 from tests.support.farms.ledger_farm import about
-
-LIMITS = KeyLimits()
-
-
-@pytest.fixture
-def worker(client: redis.Redis) -> str:
-    SliceQueue(client, "w-1", 60).heartbeat(about("w-1"), ())
-    return "w-1"
-
-
-def drained(http: httpx.Client) -> list[bool]:
-    return [one["drained"] for one in http.get("/v1/workers").json()["workers"]]
-
-
-def test_a_worker_is_drained_and_let_work(http: httpx.Client, worker: str) -> None:
-    for _ in range(2):
-        answer = http.post(f"/v1/workers/{worker}/drain")
-        assert (answer.status_code, answer.json()["workers"][0]["drained"]) == (202, True)
-    assert drained(http) == [True]
-    assert http.post(f"/v1/workers/{worker}/resume").status_code == 202
-    assert drained(http) == [False]
-
-
-def test_one_that_does_not_live_is_a_problem(http: httpx.Client) -> None:
-    problem(http.post("/v1/workers/nobody/drain"), 404, "unknown-worker")
-    problem(http.post("/v1/workers/nobody/resume"), 404, "unknown-worker")
 
 
 def test_demand_is_counted_for_the_variants_of_a_pool(
