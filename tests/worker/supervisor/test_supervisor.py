@@ -79,22 +79,6 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     assert not render_children()
 
 
-def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
-    spec = {"parameters": {"size": 128}}
-    undisturbed, _ = bench.job(slices=4, **spec)
-    with bench.worker():
-        until(lambda: len(bench.jobs.ledger(undisturbed.id)) == 4)
-        disturbed, _ = bench.job(slices=4, **spec)
-        until(lambda: bench.jobs.get(disturbed.id).state is JobState.RENDERING)
-        the_child().send_signal(signal.SIGKILL)
-        until(lambda: len(bench.jobs.ledger(disturbed.id)) == 4)
-    a, b = (
-        [decode_partial(bench.store.get(r["blob"])).pixels for r in bench.jobs.ledger(j).values()]
-        for j in (undisturbed.id, disturbed.id)
-    )
-    np.testing.assert_array_equal(a, b)
-
-
 PLAIN = SCENE.format(integrator="path")
 #: What is said of a scene and a spec that cannot be rendered.
 BAD: dict[str, tuple[str, dict[str, object]]] = {

@@ -96,7 +96,7 @@ class TestABatchByItsName:
 class TestASummary:
     def test_tells_how_far_it_is(self, http: httpx.Client, client: redis.Redis) -> None:
         batch = submit(http, WIDE, frames(32, 32, 32, batch="b", max_spp=1000)).json()
-        done, rendering, _ = batch["job_ids"]
+        done, rendering, queued = batch["job_ids"]
         staged = StagedJob(client, done)
         staged.commit(8)
         staged.point(200, 3)
@@ -112,6 +112,15 @@ class TestASummary:
         assert found["estimate_fraction"]["least"] == pytest.approx(0.1 / 200)
         assert found["machine_s"] == pytest.approx(6)
         assert found["samples_saved"] == 800 * 32 * 24
+        # It has begun with its first job, and ends with its last
+        first = http.get(f"/v1/jobs/{done}").json()
+        assert (found["created_at"], found["started_at"]) == (
+            first["created_at"],
+            first["started_at"],
+        )
+        for job_id in (rendering, queued):
+            last = http.post(f"/v1/jobs/{job_id}/cancel").json()
+        assert http.get(batch["links"]["self"]).json()["ended_at"] == last["ended_at"]
 
 
 class TestAShot:
