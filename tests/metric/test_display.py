@@ -16,6 +16,12 @@ class TestView:
     @pytest.mark.parametrize(
         ("parameter", "value"),
         [
+            ("field_of_view_deg", 0),
+            ("field_of_view_deg", 180),
+            ("field_of_view_deg", math.nan),
+            ("pixels_per_degree", 0),
+            ("pixels_per_degree", 1001),
+            ("pixels_per_degree", math.nan),
             ("primaries", "rec2020"),
             ("gamma", 0),
             ("gamma", -2.2),

@@ -24,6 +24,7 @@ from plateau.metric.compiled import (
     light,
     threshold,
 )
+from plateau.metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
 from plateau.metric.vdp import VisibleDifferences
 
 
@@ -52,6 +53,38 @@ def test_powers_of_two_are_exact():
     exponents = np.arange(-126, 127, dtype=np.float32)
     powers = np.exp2(exponents.astype(np.float64)).astype(np.float32)
     assert np.array_equal(over(arithmetic.log2, powers), exponents)
+
+
+def thresholds(luminance):
+    out = np.empty_like(luminance)
+    for start in range(0, luminance.size, 100):
+        part = slice(start, start + 100)
+        threshold.per_threshold(luminance[part], out[part], luminance[part].size)
+    return 1 / out.astype(np.float64)
+
+
+@pytest.mark.parametrize("brightest", [1e-3, 1e4])
+def test_thresholds_are_those_of_numpy(brightest):
+    # From full darkness on; the darker half has no slice that is bright throughout.
+    luminance = np.geomspace(1e-5, brightest, 50_000, dtype=np.float32)
+    # At a border either piece may be taken.
+    log_light = np.log10(luminance.astype(np.float64))
+    borders = np.array([ROD_LINE_FROM, CONE_CURVE_FROM, CONE_LINE_FROM, -3.94])
+    luminance = luminance[np.abs(log_light[:, np.newaxis] - borders).min(axis=1) > 1e-5]
+    np.testing.assert_allclose(thresholds(luminance), luminance_threshold(luminance), rtol=3e-6)
+
+
+def test_dark_and_bright_slices_have_one_threshold():
+    # The same luminances, once with a dark neighbour and once without.
+    luminance = np.geomspace(0.04, 1e3, 5000, dtype=np.float32)
+    dark = np.float32([1e-3])
+    with_neighbour = np.empty(luminance.size + 1, np.float32)
+    threshold.per_threshold(np.concatenate([luminance, dark]), with_neighbour, luminance.size + 1)
+    alone = np.empty_like(luminance)
+    threshold.per_threshold(luminance, alone, luminance.size)
+    log_light = np.log10(luminance.astype(np.float64))
+    inside = np.abs(log_light[:, np.newaxis] - [CONE_CURVE_FROM, CONE_LINE_FROM]).min(axis=1) > 1e-5
+    np.testing.assert_allclose(with_neighbour[:-1][inside], alone[inside], rtol=2e-6)
 
 
 LOOPS = [

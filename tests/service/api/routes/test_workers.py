@@ -69,10 +69,13 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     assert (waits_for(), unserved()) == ({words}, "plateau_jobs_unserved 1.0")
     assert queued(made.json()["id"]) == [(1, 0)] * 2
     fits = {"pool": "night", "tags": ["gpu"], "variants": ["llvm_ad_rgb"], "samples_per_s": 2e6}
+    # One that lacks a tag is of no use
+    SliceQueue(client, "w-0", 60).heartbeat({**about("w-0"), **fits, "tags": []}, ())
+    assert waits_for() == {words}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
     assert queued(made.json()["id"]) == [(1, 1)] * 2
-    (shown,) = http.get("/v1/workers").json()["workers"]
+    shown = {one["id"]: one for one in http.get("/v1/workers").json()["workers"]}["w-1"]
     assert {name: shown[name] for name in fits} == fits
 
 
