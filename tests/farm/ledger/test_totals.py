@@ -108,13 +108,6 @@ class TestSlices:
         farm.commit(held[1])
         assert take_census(farm.client).slices == {"waiting": 3, "leased": 1}
 
-    def test_of_a_paused_job_wait_for_nobody(self, farm: Farm) -> None:
-        job, _ = farm.job(slices=3)
-        farm.lease()
-        farm.jobs.pause(job.id)
-        assert take_census(farm.client).slices == {"waiting": 0, "leased": 1}
-        assert take_census(farm.client).queue_age_s == 0
-
 
 class TestDemand:
     def test_of_a_job_that_anybody_may_begin_is_for_all_until_it_is_pinned(

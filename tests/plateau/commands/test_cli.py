@@ -24,11 +24,6 @@ COMMANDS = [command.name or command.callback.__name__ for command in app.registe
 
 
 class TestScenesOfOurOwn:
-    def test_are_listed_where_a_name_is_wrong(self) -> None:
-        code, _, error = plateau("render", "scenes:bax")
-        assert code == 2
-        assert "there is no scenes:bax; there are scenes:bar, scenes:box," in error
-
     def test_a_file_whose_name_has_a_colon_is_a_file(self, tmp_path: Path) -> None:
         code, _, error = plateau("render", str(tmp_path / "scenes:box"))
         assert (code, "there is no such file" in error) == (1, True)

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import pytest
 
 from plateau.errors import ExitCode
-from plateau.processes.shutdown import StopSignals
 
 #: A process that takes its time, whatever it is asked.
 STUBBORN = """
@@ -57,12 +56,3 @@ def test_a_second_signal_ends_it(stubborn: "subprocess.Popen[str]", number: sign
 def test_one_that_does_not_stop_is_ended_by_the_limit(stubborn: "subprocess.Popen[str]") -> None:
     stubborn.send_signal(signal.SIGTERM)
     assert stubborn.wait(30) == ExitCode.FAILED
-
-
-def test_nobody_has_asked_at_first() -> None:
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        assert not StopSignals().asked.is_set()
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

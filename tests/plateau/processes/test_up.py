@@ -169,15 +169,6 @@ def test_logs_are_begun_anew_where_they_are_too_long(service: Command, folder: P
     assert "\0" not in api.read_text()
 
 
-@pytest.mark.long
-def test_ctrl_c_stops_it(up: Up, tmp_path: Path) -> None:
-    command = up(folder=tmp_path)
-    command.wait_for(READY)
-    command.process.send_signal(signal.SIGINT)
-    assert command.exit_code() == 0
-    command.is_gone()
-
-
 def test_its_jobs_survive_however_it_ends(
     service: Command, up: Up, box: Path, folder: Path
 ) -> None:

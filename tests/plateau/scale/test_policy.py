@@ -118,17 +118,14 @@ class TestWorth:
 
 
 class TestComing:
-    def test_nobody_without_work(self, farm: Farm) -> None:
-        assert not any(plan.acts for plan in snapshots(farm, 0, 3))
-
-    def test_as_many_as_the_work_is_worth_at_once_and_once(self, farm: Farm) -> None:
-        assert [plan.submit for plan in snapshots(farm, 3, 3)] == [3, 0, 0]
+    @pytest.mark.parametrize(("worth", "come"), [(0, 0), (3, 3), (1000, 8)])
+    def test_as_many_as_the_work_is_worth_and_the_limit_allows_at_once_and_once(
+        self, farm: Farm, worth: float, come: int
+    ) -> None:
+        assert [plan.submit for plan in snapshots(farm, worth, 3)] == [come, 0, 0]
         # And when they run
         farm.run()
-        assert [plan.submit for plan in snapshots(farm, 3, 3)] == [0, 0, 0]
-
-    def test_no_more_than_the_limit(self, farm: Farm) -> None:
-        assert [plan.submit for plan in snapshots(farm, 1000, 2)] == [8, 0]
+        assert not any(plan.acts for plan in snapshots(farm, worth, 3))
 
     def test_in_arrays_of_a_size_that_slurm_takes(self) -> None:
         farm = Farm(Limits(most=10_000))
@@ -210,15 +207,12 @@ class TestGoing:
         farm.states["1_2"] = TaskState.RUNS  # and no worker yet
         farm.idle("1_1")
         farm.change("1_1", drained=True)
-        asked = [task for plan in self._unheeded(farm, 12) for task in plan.end]
-        assert sorted(asked) == ["1_1", "1_2"]
-
-    @staticmethod
-    def _unheeded(farm: Farm, times: int) -> Iterable[ScalingPlan]:
-        for _ in range(times):
+        asked: list[str] = []
+        for _ in range(12):
             before = dict(farm.states), dict(farm.workers)
-            yield farm.snapshot(0)
+            asked += farm.snapshot(0).end
             farm.states, farm.workers = before
+        assert sorted(asked) == ["1_1", "1_2"]
 
     def test_what_was_drained_before_a_restart_is_ended_after_it(self, farm: Farm) -> None:
         farm.snapshot(1)

@@ -261,13 +261,6 @@ def test_one_that_falls_off_its_pace_is_ended(
     assert not psutil.pid_exists(child.pid)
 
 
-def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> None:
-    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
-    threading.Timer(0.3, os.kill, (child.pid, signal.SIGSEGV)).start()
-    with pytest.raises(ChildDied, match="SIGSEGV while rendering a pass"):
-        child.render(LONG)
-
-
 def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
     limits = ChildLimits(threads=1, memory_bytes=1 << 30, timeout_s=60)
     child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])

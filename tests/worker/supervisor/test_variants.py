@@ -252,15 +252,11 @@ class TestMemory:
         (tmp_path / "cache/variant.json").write_text(content, encoding="utf-8")
         assert self._tried_again(choose(tmp_path / "cache"))
 
-    @staticmethod
-    def _let_it_remember(cache, **of_the_first):
-        file = cache / "variant.json"
-        content = json.loads(file.read_text(encoding="utf-8"))
-        content["known"][0].update(of_the_first)
-        file.write_text(json.dumps(content), encoding="utf-8")
-
     def test_a_memory_of_the_wrong_shape_is_no_memory(self, tmp_path, first):
-        self._let_it_remember(tmp_path / "cache", colour="red")
+        file = tmp_path / "cache" / "variant.json"
+        content = json.loads(file.read_text(encoding="utf-8"))
+        content["known"][0].update(colour="red")
+        file.write_text(json.dumps(content), encoding="utf-8")
         assert self._tried_again(choose(tmp_path / "cache"))
 
     def test_a_folder_that_cannot_be_written_is_no_obstacle(self, tmp_path, broken_library):

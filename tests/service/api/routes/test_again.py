@@ -284,11 +284,6 @@ class TestWhatIsLost:
         with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
             go_on(farm, farm.submit(**QUICK))
 
-    def test_one_that_ended_without_a_sample_has_none(self, farm: NoiseFarm) -> None:
-        job = farm.submit(**QUICK)
-        farm.jobs.cancel(job.id)
-        assert loses(farm, farm.jobs.get(job.id)) == "gone"
-
 
 def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
     spec = JobSpec.model_validate({"rule": {"name": "visible", "target": 0.5}, "max_spp": 500})
