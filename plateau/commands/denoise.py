@@ -75,7 +75,7 @@ def _denoise(
     from plateau.farm.wire import figures
     from plateau.metric import allowed_non_finite, non_finite_pixels
     from plateau.picture.denoised import DenoisingTask, guides_in, layers_of
-    from plateau.picture.denoising.child import Denoiser
+    from plateau.picture.denoising.child import denoised
     from plateau.picture.independence import Independence
 
     read = [_read(path) for path in images]
@@ -97,7 +97,7 @@ def _denoise(
         raise CommandFailed(f"{bad}: at most {allowed_non_finite(mean[..., 0].size):,} may be")
     each = [guides_in(one.layers) for one in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
-    found = Denoiser().denoised(DenoisingTask(mean, halves, guides, shown))
+    found = denoised(DenoisingTask(mean, halves, guides, shown))
     attributes = {"plateau:denoiser": found.denoiser, **read[0].place}
     unfinished.write_bytes(encode_layers(layers_of(found.blend, mean), attributes))
     left = _noise_left(found, shown)
