@@ -27,7 +27,7 @@ class NotebookProgress(Progress):
         self._png: bytes | None = None
         self._shown_spp: int | None = None
         self._notes: list[str] = []
-        self._output: Any = _display("")
+        self._output: Any = _display()
 
     def job(self, job: JobView) -> None:
         """Show the current state of the job, with its newest image."""
@@ -59,8 +59,8 @@ class NotebookProgress(Progress):
         self._output.update(HTML(html))
 
 
-def _display(html: str) -> Any:
+def _display() -> Any:
     """A new output of the cell, which can be updated."""
     from IPython.display import HTML, display
 
-    return display(HTML(html), display_id=True)
+    return display(HTML(""), display_id=True)
