@@ -272,7 +272,8 @@ class TestWhatIsRefused:
 
 
 #: Units in which the form shows what the spec has in others.
-SHOWN_OVER = {"spec.rule.visible.target": 0.01, "spec.time_limit_s": 60}
+PERCENT = ("visible.target", "noise.target", "noise.share")
+SHOWN_OVER = {"spec.time_limit_s": 60} | {f"spec.rule.{name}": 0.01 for name in PERCENT}
 #: What each number of the form says: which it is, and its input's value and bounds.
 NUMBERS = """(form) => [...form.querySelectorAll("input[type=number]")].map((input) => [
     input.name.replace("spec.rule", `spec.rule.${input.closest(".choice")?.dataset.name}`),
