@@ -25,7 +25,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "Render and compare on this machine",
         "These commands need no service.",
-        ("render", "denoise", "diff", "judge", "doctor"),
+        ("render", "diff", "judge", "doctor"),
     ),
     (
         "Run a service",

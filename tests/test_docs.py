@@ -65,7 +65,7 @@ def anchors(document: Path) -> set[str]:
 
 def test_every_link_leads_somewhere() -> None:
     for document in DOCUMENTS:
-        for link in re.findall(r"\]\((?!https?:)([^)\s]+)\)", document.read_text()):
+        for link in re.findall(r'(?:\]\(|src=")(?!https?:)([^)"\s]+)', document.read_text()):
             name, _, anchor = link.partition("#")
             target = document.parent / name if name else document
             assert target.exists(), (document, link)

@@ -47,7 +47,6 @@ _HINTS: Final = {
 #: left out.
 _EXTRAS: Final[dict[str, str]] = {
     "api": "service",
-    "denoise": "monitor,denoise",
     "diff": "images",
     "gc": "farm",
     "judge": "monitor",
@@ -65,8 +64,6 @@ def _at_home(process: Callable[[Any, Any], Any], ctx: Any, value: Any) -> Any:
     """Read paths that the shell left as they are: quoted ones, and those after a =."""
     from plateau.farm.model.scene_roots import at_home
 
-    if isinstance(value, list | tuple):
-        return process(ctx, [str(at_home(one)) for one in value])
     return process(ctx, str(at_home(value)) if isinstance(value, str) else value)
 
 
@@ -76,7 +73,7 @@ class Command(typer.core.TyperCommand):
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
         for one in cast("list[Any]", self.params):
-            if one.type_descriptor.annotation in (Path, list[Path]):
+            if one.type_descriptor.annotation is Path:
                 setattr(one, "process_value", partial(_at_home, one.process_value))  # noqa: B010
         self._takes_rule = any(one.name == "rule" for one in self.params)
         self._of_rules: list[str] | None = None

@@ -22,13 +22,7 @@ def diff(
     reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
     test: Annotated[Path, typer.Argument(help="A file of the same format and size.")],
     field_of_view: o.FieldOfView = None,
-    pixels_per_degree: Annotated[
-        float | None,
-        typer.Option(
-            help="Pixels in a degree at the image's centre.",
-            show_default="20",
-        ),
-    ] = None,
+    pixels_per_degree: o.PixelsPerDegree = None,
     seen: o.Seen = None,
     white_luminance: o.WhiteLuminance = None,
     gamma: Annotated[

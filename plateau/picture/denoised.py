@@ -137,7 +137,7 @@ def guides_in(layers: Mapping[str, Pixels]) -> tuple[Pixels, ...]:
     return tuple(np.stack([layers[name] for name in channels], axis=-1) for channels in names)
 
 
-def layers_of(blend: Blend, raw: Pixels, behind: Pixels | float = 0) -> dict[str, Pixels]:
+def layers_of(blend: Blend, raw: Pixels, behind: Pixels) -> dict[str, Pixels]:
     """Return the channels of a blended image, with those of which it was made.
 
     `raw` is the merged image without what is `behind` it, (height, width, 3) each.

@@ -13,6 +13,7 @@ from plateau.client import ApiError
 from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire import job_text
+from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, SLICES, NewSet
@@ -27,9 +28,6 @@ class Source(Protocol):
 
     def curve(self, job_id: str, /) -> list[CurvePoint]:
         """The points of its curve."""
-
-    def curve_csv(self, job_id: str, /) -> str:
-        """The same as CSV."""
 
     def slices(self, job_id: str, /) -> list[SliceView]:
         """Its ledger."""
@@ -158,7 +156,7 @@ def _fetch(
             _download(client, job.id, f"slices/{part.index}.exr", path, fetched.damaged)
     if fetched.points:
         fetched.files.append("curve.csv")
-        (folder / "curve.csv").write_text(client.curve_csv(job.id), encoding="utf-8")
+        (folder / "curve.csv").write_text(curve_csv(fetched.points), encoding="utf-8")
     return fetched
 
 

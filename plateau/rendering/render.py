@@ -120,38 +120,25 @@ def render(
         Interrupts(signal.SIGINT) as interrupts,
     ):
         if farm is None:
-            result = _here(file, asked, interrupts, workers, threads, shown, fetch)
+            from plateau.rendering.own_farm import checked_settings, render_alone
+
+            settings = checked_settings(file, asked)
+            _, result = render_alone(
+                file,
+                asked,
+                settings,
+                interrupts,
+                workers=workers,
+                threads=threads,
+                progress=shown,
+                fetch=fetch,
+            )
         else:
             result = _there(file, asked, interrupts, farm, key, shown, fetch)
     if result.state is JobState.FAILED:
         raise RenderFailed(result)
     if result.state is JobState.CANCELLED and interrupts.asked.is_set() and not result.has_image:
         raise KeyboardInterrupt
-    return result
-
-
-def _here(
-    file: Path,
-    spec: JobSpec,
-    interrupts: Interrupts,
-    workers: int,
-    threads: int | None,
-    shown: Callable[["Client"], "Progress"],
-    fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
-) -> Result:
-    from plateau.rendering.own_farm import checked_settings, render_alone
-
-    settings = checked_settings(file, spec)
-    _, result = render_alone(
-        file,
-        spec,
-        settings,
-        interrupts,
-        workers=workers,
-        threads=threads,
-        progress=shown,
-        fetch=fetch,
-    )
     return result
 
 

@@ -11,7 +11,6 @@ from plateau.errors import CommandFailed, needs
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.states import JobState
-from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, whole
 from plateau.files.out_folder import ready
@@ -143,9 +142,6 @@ class _Kept:
 
     def curve(self, _: str) -> list[CurvePoint]:
         return self._result.points
-
-    def curve_csv(self, _: str) -> str:
-        return curve_csv(self._result.points)
 
     def slices(self, _: str) -> list[SliceView]:
         return []

@@ -1,9 +1,4 @@
-"""The Helm chart, rendered by helm and held against strict schemas.
-
-After a change of values.yaml, this writes their table in the chart's README:
-
-    python -m tests.cluster.support_chart
-"""
+"""The Helm chart, rendered by helm and held against strict schemas."""
 
 import json
 import re
@@ -136,50 +131,3 @@ MAPS = re.compile(
     r"settings|sceneRoots|workers|workerDefaults\.(environment|affinity)|.*\.(annotations|nodeSelector|labels)"
     r"|.*\.resources"
 )
-
-
-def leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Each value by its full name."""
-    for key, value in values.items():
-        if isinstance(value, dict) and not MAPS.fullmatch(f"{above}{key}"):
-            yield from leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
-
-
-def values_table() -> str:
-    """The chart's values, their defaults and what values.yaml says of them, as Markdown."""
-    text = (CHART / "values.yaml").read_text()
-    said = dict(_comments(text))
-    rows = [
-        f"| `{name}` | `{json.dumps(value, ensure_ascii=False)}` | {said[name]} |"
-        for name, value in leaves(yaml.safe_load(text))
-    ]
-    return "\n".join(["| value | default | what |", "|---|---|---|", *rows])
-
-
-def _comments(text: str) -> Iterator[tuple[str, str]]:
-    """What stands above each key, by the key's full name."""
-    name: list[str] = []
-    comment: list[str] = []
-    for line in text.splitlines():
-        if match := re.match(r" *# (-- )?(.*)", line):
-            comment = [match[2]] if match[1] else [*comment, match[2]] if comment else []
-        elif match := re.match(r"( *)(\w+):", line):
-            name = [*name[: len(match[1]) // 2], match[2]]
-            if comment:
-                yield ".".join(name), " ".join(comment)
-            comment = []
-
-
-def with_table(readme: str) -> str:
-    """The chart's README with the table of its values as it has to be."""
-    start, end = "<!-- values -->", "<!-- /values -->"
-    head, was, tail = (readme.partition(start)[0], *readme.partition(end)[1:])
-    assert was, f"the README has no {end}"
-    return f"{head}{start}\n\n{values_table()}\n\n{end}{tail}"
-
-
-if __name__ == "__main__":
-    readme = CHART / "README.md"
-    readme.write_text(with_table(readme.read_text()))

@@ -41,8 +41,6 @@ SLICES = 1500 if long_tests.WANTED else 150  #: of each rendering job
 SLICE_SPP, STEP = 10, 100
 LEASE_S = 15.0
 
-#: Planned beyond the merged slices: each worker renders one and finds the next, one is merged.
-LOOK_AHEAD = 2 * WORKERS + 1
 #: Old and new while one replaces the other: a checkpoint, and a set of pictures; and previews.
 MOST_OTHERS = 2 + 2 * len((*RESULTS, "difference.png", "noise.png")) + MOST_PREVIEWS + 1
 

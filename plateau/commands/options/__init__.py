@@ -56,6 +56,10 @@ FieldOfView = Annotated[
         show_default="none",
     ),
 ]
+PixelsPerDegree = Annotated[
+    float | None,
+    typer.Option(help="Pixels in a degree at the image's centre.", show_default="20"),
+]
 WhiteLuminance = Annotated[
     float | None, typer.Option(help="White of the display in cd/m².", show_default="200")
 ]

@@ -1,6 +1,5 @@
 """The fields of a spec, from options; a wrong one raises `typer.BadParameter` with its name."""
 
-from pathlib import Path
 from typing import Any, Final
 
 import typer
@@ -39,7 +38,9 @@ def spec_fields(**options: Any) -> dict[str, Any]:
         seen = place if seen is None else seen
     view = view_of_place(seen) | _taken(given, _VIEW)
     if "focus" in view:
-        view["focus"] = _focus(view["focus"])
+        from plateau.files.focus_map import focus_of
+
+        view["focus"] = focus_of(view["focus"])
     if options.get("pixels_per_degree") is not None:
         view["field_of_view_deg"] = None  # which a job that is judged again may have, or the place
     exr = _taken(given, _EXR)
@@ -80,12 +81,6 @@ def view_of_place(name: str | None) -> dict[str, Any]:
     if name not in PLACES:
         raise typer.BadParameter(f"--seen takes one of {', '.join(PLACES)}, not {name!r}")
     return {"field_of_view_deg": None, **PLACES[name]}
-
-
-def _focus(path: Path) -> list[list[float]]:
-    from plateau.files.focus_map import focus_of
-
-    return focus_of(path)
 
 
 _OPTIONS: Final = {

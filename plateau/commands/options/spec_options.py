@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, TypeAlias, get_args
 
 import typer
 
-from plateau.commands.options import FieldOfView, Seen, WhiteLuminance, complete
+from plateau.commands.options import FieldOfView, PixelsPerDegree, Seen, WhiteLuminance, complete
 from plateau.commands.options.spec_fields import checked, spec_fields
 from plateau.commands.options.taking import Decorator, options_of, taking
 
@@ -142,13 +142,7 @@ def spec_from_options(
         typer.Option(help="Light on the display in lux; for the rule jod.", show_default="250"),
     ] = None,
     field_of_view: FieldOfView = None,
-    pixels_per_degree: Annotated[
-        float | None,
-        typer.Option(
-            help="Pixels in a degree at the image's centre.",
-            show_default="20",
-        ),
-    ] = None,
+    pixels_per_degree: PixelsPerDegree = None,
     seen: Seen = None,
     primaries: Annotated[
         str | None,

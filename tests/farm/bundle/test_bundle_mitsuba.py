@@ -13,7 +13,6 @@ from plateau.farm.bundle import BundleError, inspect_bundle, known_plugins
 from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
 
 SPECTRUM = b"400 0.5\n700 0.5\n"
-FILMLESS = '<sensor type="perspective">{}</sensor>'
 FILM = '<sensor type="perspective"><film type="hdrfilm">{}</film></sensor>'
 
 

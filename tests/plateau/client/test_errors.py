@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from datetime import datetime, timezone
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
@@ -22,7 +21,6 @@ from plateau.farm.wire.views import JobPage
 
 #: Status, body and headers of an answer, by the number of requests before.
 Answers = Callable[[int], tuple[int, bytes, dict[str, str]]]
-_AT = datetime(2026, 11, 21, tzinfo=timezone.utc)
 _NO_JOBS = JobPage(jobs=[], next_cursor=None).model_dump_json().encode()
 
 

@@ -230,7 +230,7 @@ class TestOptions:
         monkeypatch.setenv("HOME", str(tmp_path))
         code, _, error = plateau("judge", "~/box.xml", "--out=~/judged")
         assert (code, f"{box} is not a folder" in error) == (1, True)
-        code, _, error = plateau("denoise", "~/a.exr", "~/b.exr", "-o", "~/c.exr")
+        code, _, error = plateau("diff", "~/a.exr", "~/b.exr")
         assert str(tmp_path / "a.exr") in error
 
 

@@ -120,7 +120,6 @@ def test_no_command_and_no_call_writes_where_another_does(
             ["watch", "--batch", "w", "-o", str(out / "{place:04d}.exr")],
             ["render", "scenes:box", "-o", str(out)],
             ["judge", str(slices), "-o", str(out)],
-            ["denoise", *images, "-o", str(clean)],
             ["diff", *images, "--map", str(clean)],
         ):
             code, printed, said = command(*words)

@@ -5,9 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 
 from plateau.farm.wire.views import SceneFound
-from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
-from plateau.service.api.routes.submit import SUBMISSION_BODY
+from plateau.service.api.routes.submit import SCENE_PROBLEMS, SUBMISSION_BODY
 from plateau.service.api.submission.storing import StoredScene, stored_scene
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
@@ -16,18 +15,7 @@ router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
 @router.post(
     "",
     openapi_extra=SUBMISSION_BODY,
-    responses=documented(
-        problems.MALFORMED_REQUEST,
-        problems.UPLOAD_TOO_LARGE,
-        problems.NOT_MULTIPART,
-        problems.INVALID_REQUEST,
-        problems.INVALID_SPEC,
-        problems.NO_SCENE,
-        problems.UNKNOWN_SCENE,
-        problems.BROKEN_SCENE,
-        problems.BUSY,
-        problems.TOO_MANY_SCENES,
-    ),
+    responses=documented(*SCENE_PROBLEMS),
 )
 def check_scene(found: Annotated[StoredScene, Depends(stored_scene)]) -> SceneFound:
     """Check a scene as `POST /v1/jobs` would, and store it, without a job.

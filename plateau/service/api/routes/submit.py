@@ -79,6 +79,20 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
 }
 _SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempotency.PARAMETERS}
 
+#: How a scene can be refused that comes with a request.
+SCENE_PROBLEMS: Final = (
+    problems.MALFORMED_REQUEST,
+    problems.UPLOAD_TOO_LARGE,
+    problems.NOT_MULTIPART,
+    problems.INVALID_REQUEST,
+    problems.INVALID_SPEC,
+    problems.NO_SCENE,
+    problems.UNKNOWN_SCENE,
+    problems.BROKEN_SCENE,
+    problems.BUSY,
+    problems.TOO_MANY_SCENES,
+)
+
 
 @router.post(
     "",
@@ -106,20 +120,7 @@ _SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempoten
                 **idempotency.REPLAYED,
             },
         },
-        **documented(
-            problems.MALFORMED_REQUEST,
-            problems.UPLOAD_TOO_LARGE,
-            problems.NOT_MULTIPART,
-            problems.INVALID_REQUEST,
-            problems.INVALID_SPEC,
-            problems.NO_SCENE,
-            problems.UNKNOWN_SCENE,
-            problems.BROKEN_SCENE,
-            problems.BUSY,
-            problems.TOO_MANY_SCENES,
-            problems.KEY_REUSED,
-            problems.TOO_MANY_JOBS,
-        ),
+        **documented(*SCENE_PROBLEMS, problems.KEY_REUSED, problems.TOO_MANY_JOBS),
     },
 )
 def submit_job(
