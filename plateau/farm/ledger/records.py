@@ -119,7 +119,7 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
     }
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
-        *("estimate_undetermined", "non_finite_pixels", "forecast_spp", "expected_spp"),
+        *("estimate_undetermined", "non_finite_pixels", "expected_spp"),
     )
     saved = int(fields.get("samples_saved", 0))
     cap = spec.max_spp * int(width or 0) * int(height or 0)

@@ -197,7 +197,6 @@ class Job(_Record):
         description="pixels of the last judged image with a NaN or an infinity; they are left out "
         "of every other count, and more than 0.1 % of them fail the job",
     )
-    forecast_spp: int | None = None
     expected_spp: int | None = Field(
         None, description="spp at which the job is likely to end, by its own rule, if known"
     )
