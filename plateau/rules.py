@@ -137,16 +137,10 @@ class StoppingRule:
 
     #: The name of the rule in a job's spec, and of its entry point.
     name: ClassVar[str]
-    #: When it stops, in a sentence: for the API's schema and the shell.
-    summary: ClassVar[str]
     #: What a form calls the rule.
     title: ClassVar[str]
-    #: A sentence or two below the title in a form.
+    #: When it stops, in a sentence or two: for a form, the API's schema and the shell.
     help: ClassVar[str]
-    #: The same as a formula, for the table in the documentation.
-    criterion: ClassVar[str]
-    #: Which images it stores, for the same table.
-    stores: ClassVar[str] = "–"
     #: Rules are listed by rising order.
     order: ClassVar[int] = 100
     #: Whether a form offers it among the first.

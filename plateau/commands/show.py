@@ -109,7 +109,7 @@ def _show_curve(client: "Client", job_id: str, *, as_json: bool) -> None:
     from rich.console import Console
 
     from plateau.farm.wire import job_text
-    from plateau.terminal.curve import job_curve
+    from plateau.terminal.curve import terminal_curve
 
     job, points = client.job(job_id), client.curve(job_id)
     if as_json:
@@ -123,7 +123,11 @@ def _show_curve(client: "Client", job_id: str, *, as_json: bool) -> None:
         print(job_text.point_line(job, point))
     console = Console()
     if console.is_terminal and console.encoding.startswith("utf"):
-        console.print(job_curve(job, points, columns=console.width, rows=16))
+        console.print(
+            terminal_curve(
+                points, target=job.spec.rule.behaviour.noise_target, columns=console.width, rows=16
+            )
+        )
 
 
 def batch_summary(batch: "BatchView") -> str:

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from plateau.metric.blend import Blend, BlendError, Denoise, blend_error, blended
+    from plateau.metric.blend import Blend, BlendError, blend_error, blended
     from plateau.metric.display import Image, Mask, View, encode_srgb
     from plateau.metric.estimate import Estimate, allowed_pixels
     from plateau.metric.focus import focus_plane
@@ -36,7 +36,6 @@ __all__ = [
     "SAMPLES_PALETTE",
     "Blend",
     "BlendError",
-    "Denoise",
     "Difference",
     "Estimate",
     "Evidence",
@@ -69,7 +68,7 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "blend": ("Blend", "BlendError", "Denoise", "blend_error", "blended"),
+    "blend": ("Blend", "BlendError", "blend_error", "blended"),
     "display": ("Image", "Mask", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels"),
     "focus": ("focus_plane",),

@@ -83,7 +83,6 @@ def blended(
     view: View,
     *,
     see: Change = np.asarray,
-    is_draft: bool = False,
 ) -> tuple[Blend, BlendError]:
     """Return the blend of an image with its denoised self, and its error.
 
@@ -100,9 +99,6 @@ def blended(
     see
         Returns the light that the display makes of an image, where errors count: a scene's view
         transform, for one that has such. The denoiser and the blend have the image as rendered.
-    is_draft
-        Whether the mean of the denoised halves takes the place of the denoised image. The denoiser
-        is then asked twice; more of the image is wrong, and the error is about the same.
 
     Raises
     ------
@@ -151,13 +147,12 @@ def blended(
     True
     """
     noisy, flawed = halved(image, halves, Viewing(view, see))
-    one, other = denoise(noisy.one), denoise(noisy.other)
-    if is_draft:
-        share = np.float32(noisy.share)
-        whole = share * one + (1 - share) * other
-    else:
-        whole = denoise(noisy.image)
-    clean = replace(noisy, image=whole, one=one, other=other)
+    clean = replace(
+        noisy,
+        image=denoise(noisy.image),
+        one=denoise(noisy.one),
+        other=denoise(noisy.other),
+    )
     blend = _blend(noisy, clean)
     return blend.with_flaws(image, flawed, see), _error(blend, noisy, clean, flawed)
 

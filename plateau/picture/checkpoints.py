@@ -77,7 +77,8 @@ class Checkpoints:
         if self._last is None:
             return Merge.of(spec)
         try:
-            merge, memory = read_sums(self._blobs, self._last, spec)
+            sums = stored_sums(self._blobs, self._last)
+            merge, memory = unpacked_sums(sums, self._last.slices, spec)
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the merge starts again: %s", error)
             self._render_again(self._last)
@@ -100,10 +101,8 @@ class Checkpoints:
                 self._owners.reject(self._owned, record, "the checkpoint that had it was lost")
 
 
-def read_sums(
-    store: Blobs, checkpoint: Checkpoint, spec: JobSpec
-) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
-    """Return the sums of a checkpoint, and the rules' memory as `Judge.recall` takes it.
+def stored_sums(store: Blobs, checkpoint: Checkpoint) -> bytes:
+    """Return the bytes of a checkpoint.
 
     Raises
     ------
@@ -112,11 +111,6 @@ def read_sums(
     CorruptPartial
         Its bytes are not those that were saved.
     """
-    return unpacked_sums(stored_sums(store, checkpoint), checkpoint.slices, spec)
-
-
-def stored_sums(store: Blobs, checkpoint: Checkpoint) -> bytes:
-    """Return the bytes of a checkpoint; raises as `read_sums`."""
     content = store.get(checkpoint.blob)
     if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
         raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
@@ -126,7 +120,7 @@ def stored_sums(store: Blobs, checkpoint: Checkpoint) -> bytes:
 def unpacked_sums(
     content: bytes, slices: int, spec: JobSpec
 ) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
-    """Return what `read_sums` does, of the bytes of a checkpoint of so many slices."""
+    """Return the sums of so many slices, and the rules' memory as `Judge.recall` takes it."""
     arrays = unpacked(content)
     about: dict[str, Any] = json.loads(str(arrays.pop("about")))
     images = {

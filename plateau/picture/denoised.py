@@ -36,11 +36,10 @@ class DenoisingTask:
     guides: tuple[Pixels, ...]  #: albedo and normal, (height, width, 3) float32 each; or none
     view: View
     others: tuple[Half, Half] | None = None  #: two other halves, by which zones are chosen
-    is_draft: bool = False  #: whether the halves alone are to be denoised
     transform: ViewTransform | None = None  #: through which the image is seen
 
     @classmethod
-    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool, is_draft: bool) -> DenoisingTask:
+    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool) -> DenoisingTask:
         """Return the task for a merged image of two slices or more.
 
         `is_point` says whether it is a point of the curve, by zones the end of a round.
@@ -53,7 +52,6 @@ class DenoisingTask:
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
             merge.other_halves(as_seen=False) if spec.by_zones and is_point else None,
-            is_draft,
             merge.transform,
         )
 
@@ -66,7 +64,6 @@ class DenoisingTask:
             "spp": np.array([half.spp for half in halves]),
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
-            "is_draft": np.array(self.is_draft),
             "look": np.array("" if self.transform is None else self.transform.as_text()),
         }
 
@@ -90,7 +87,6 @@ class DenoisingTask:
             tuple(arrays["guides"]),
             View(**json.loads(str(arrays["view"]))),
             (others[0], others[1]) if others else None,
-            bool(arrays["is_draft"]),
             ViewTransform.from_text(text) if (text := str(arrays["look"])) else None,
         )
 
@@ -103,7 +99,6 @@ class Denoised:
     error: BlendError
     denoiser: str  #: its name, version and settings
     others: BlendError | None = None  #: the error by other halves, by which zones are chosen
-    is_draft: bool = False  #: whether only the halves were denoised
 
     def arrays(self) -> Arrays:
         """Return what `restored` takes."""
@@ -115,7 +110,6 @@ class Denoised:
             "denoised": self.blend.denoised,
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
-            "is_draft": np.array(self.is_draft),
             "clean": models[0].clean,  # of all: only the noise differs
             "non_finite": models[0].non_finite,
             "noises": np.stack([model.noise for model in models]),
@@ -132,7 +126,6 @@ class Denoised:
             BlendError(likely, greatest),
             str(arrays["denoiser"]),
             BlendError(*others) if others else None,
-            bool(arrays["is_draft"]),
         )
 
 

@@ -59,9 +59,6 @@ def warm_up() -> None:
 #: Rules that every job's judge evaluates, so that a continuation has their memory.
 REMEMBERED_ANYWAY: Final = (CURVE, NOISE)
 
-#: By what the noise left may be greater in a draft of an image than in the image itself.
-_DRAFT_MARGIN: Final = 1.25
-
 
 @dataclass(frozen=True)
 class Judgement:
@@ -194,19 +191,6 @@ class Judge:
         return replace(
             verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
         )
-
-    def may_end(self, merge: Merge, draft: Denoised) -> bool:
-        """Return whether the image may end the job, by a draft of the image denoised.
-
-        The rule waits for noise. It is a function of the image.
-        """
-        evidence = _of_denoised(self._evidence(merge), draft)
-        estimate, rule = evidence.estimate, self._rules[self._own]
-        if flaw_of(evidence.image) or estimate is None:
-            return True
-        allowed = _DRAFT_MARGIN * evidence.allowed_pixels(rule.noise_target or 1.0)
-        is_enough = estimate.pixels <= allowed and estimate.is_determined(allowed)
-        return is_enough and merge.spp >= max(rule.least_spp, self._min_spp)
 
     def visible_map(self, merge: Merge, blend: Blend | None = None) -> NDArray[np.bool_] | None:
         """Return where the image differs visibly from the first image of the curve.

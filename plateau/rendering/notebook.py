@@ -22,12 +22,14 @@ class NotebookProgress(Progress):
     """
 
     def __init__(self, client: Client) -> None:
+        from IPython.display import HTML, display
+
         super().__init__()
         self._client = client
         self._png: bytes | None = None
         self._shown_spp: int | None = None
         self._notes: list[str] = []
-        self._output: Any = _display("")
+        self._output: Any = display(HTML(""), display_id=True)
 
     def job(self, job: JobView) -> None:
         """Show the current state of the job, with its newest image."""
@@ -57,10 +59,3 @@ class NotebookProgress(Progress):
         from IPython.display import HTML
 
         self._output.update(HTML(html))
-
-
-def _display(html: str) -> Any:
-    """A new output of the cell, which can be updated."""
-    from IPython.display import HTML, display
-
-    return display(HTML(html), display_id=True)

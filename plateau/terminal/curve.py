@@ -13,8 +13,7 @@ from typing import Final
 from plotille import Figure
 from rich.text import Text
 
-from plateau.farm.model.job import CurvePoint, Job
-from plateau.farm.wire import job_text
+from plateau.farm.model.job import CurvePoint
 from plateau.farm.wire.figures import percent
 
 #: A smaller chart shows nothing; a wider one is hard to read.
@@ -35,24 +34,10 @@ class _Line:
     places: list[tuple[float, float]]  #: (spp, share of the image)
 
 
-def job_curve(job: Job, points: list[CurvePoint], *, columns: int, rows: int) -> Text:
-    """The curve of a job; see `terminal_curve`."""
-    return terminal_curve(
-        points,
-        target=job_text.stop_fraction(job),
-        forecast_spp=None if job.state.ended else points[-1].forecast_spp,
-        max_spp=job.spec.max_spp,
-        columns=columns,
-        rows=rows,
-    )
-
-
 def terminal_curve(
     points: list[CurvePoint],
     *,
     target: float | None,
-    forecast_spp: int | None,
-    max_spp: int,
     columns: int,
     rows: int,
 ) -> Text:
@@ -64,14 +49,10 @@ def terminal_curve(
         The curve, by rising spp; one at least.
     target
         The noise left at which the job's rule stops, as a share of the image; None if it has none.
-    forecast_spp
-        Where the noise left is expected to reach the target.
-    max_spp
-        The cap, beyond which nothing is drawn.
     columns, rows
         Size of the chart, at least `LEAST_COLUMNS` and `LEAST_ROWS`.
     """
-    lines = list(_lines(points, target, forecast_spp, max_spp))
+    lines = list(_lines(points, target))
     shares = [share for line in lines for _, share in line.places]
     if not shares:
         return Text("nothing differs visibly, so far", style="dim")
@@ -101,9 +82,7 @@ def terminal_curve(
     return Text.from_ansi(chart, no_wrap=True, overflow="crop")
 
 
-def _lines(
-    points: list[CurvePoint], target: float | None, forecast_spp: int | None, max_spp: int
-) -> Iterator[_Line]:
+def _lines(points: list[CurvePoint], target: float | None) -> Iterator[_Line]:
     """The lines; the most important one comes last and is drawn over the others."""
     changed = [(point.spp, point.visible_fraction) for point in points]
     left = [
@@ -111,18 +90,10 @@ def _lines(
         for point in points
         if point.estimate_fraction is not None
     ]
-    end = points[-1].spp
-    ahead = min(forecast_spp or end, max_spp)
     if target is not None:
-        yield _Line("target", "red", [(0.0, target), (max(end, ahead), target)])
+        yield _Line("target", "red", [(0.0, target), (points[-1].spp, target)])
     yield _Line("changed", "cyan", _above_zero(changed))
-    falling = _above_zero(left)
-    if falling and target is not None and ahead > end and falling[-1][1] > target:
-        # The error falls as a power of the samples, which is no straight line here. But the end of
-        # the line answers the question when the noise reaches its target.
-        arrival = target if ahead == forecast_spp else falling[-1][1]
-        yield _Line("", "magenta", [falling[-1], (ahead, arrival)])
-    yield _Line("noise left", "magenta", falling)
+    yield _Line("noise left", "magenta", _above_zero(left))
 
 
 def _above_zero(places: list[tuple[int, float]]) -> list[tuple[float, float]]:

@@ -15,7 +15,7 @@ from plateau.farm.model.job import CurvePoint, Event, utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures, job_text
 from plateau.farm.wire.views import JobView
-from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, job_curve
+from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
 
 #: The render rate is that of the slices of the last seconds.
 _RATE_S: Final = 20.0
@@ -175,7 +175,10 @@ class LiveProgress(Progress):
             and len(self._points) > 1
             and console.encoding.startswith("utf")
         ):
-            lines.append(job_curve(job, self._points, columns=console.width, rows=rows))
+            target = job.spec.rule.behaviour.noise_target
+            lines.append(
+                terminal_curve(self._points, target=target, columns=console.width, rows=rows)
+            )
         return Group(*lines)
 
 

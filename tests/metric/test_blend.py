@@ -65,24 +65,6 @@ TRUTHS = {
 Halves = tuple[Half, Half]
 
 
-def test_a_draft_has_the_mean_of_the_denoised_halves_and_as_much_error() -> None:
-    noise = np.random.default_rng(3).normal(0, 0.2, (2, SIZE, SIZE, 3)).astype(np.float32)
-    one, other = ramp() + noise
-    halves, asked = (Half(one, SPP), Half(other, SPP)), []
-
-    def denoise(image: Image) -> Image:
-        asked.append(image)
-        return blur(image)
-
-    draft, error = blended((one + other) / 2, halves, denoise, VIEW, is_draft=True)
-    assert len(asked) == 2
-    np.testing.assert_allclose(draft.denoised, (blur(one) + blur(other)) / 2, atol=1e-6)
-    _, whole_error = blended((one + other) / 2, halves, blur, VIEW)
-    np.testing.assert_allclose(
-        np.abs(error.likely.noise).mean(), np.abs(whole_error.likely.noise).mean(), rtol=0.02
-    )
-
-
 def halves(truth: Image, sigma: float, seed: int = 1, share: float = 0.5, reach: int = 0) -> Halves:
     """Two parts of the samples whose mean has noise of so much, which may reach some pixels far."""
     rng = np.random.default_rng(seed)

@@ -37,7 +37,7 @@ def test_the_api_describes_it(toy_farm: RealFarm) -> None:
     with httpx.Client(base_url=toy_farm.url, trust_env=False, timeout=60) as http:
         schemas = http.get("/openapi.json").json()["components"]["schemas"]
         rules = http.get("/v1/rules").json()["rules"]
-    assert schemas["ToySpec"]["description"] == "Stop after a number of evaluations."
+    assert schemas["ToySpec"]["description"] == "Stops when the image was looked at often enough."
     looks = schemas["ToySpec"]["properties"]["looks"]
     assert (looks["default"], looks["minimum"], looks["maximum"]) == (5, 1, 1000)
     told, *_ = schemas["JobSpec"]["properties"]["rule"]["anyOf"]

@@ -3,10 +3,8 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import psutil
@@ -18,7 +16,7 @@ from plateau.farm.images.png import decode_png
 from plateau.farm.model.job import Job
 from plateau.farm.model.slices.looks import next_look
 from plateau.farm.model.states import JobState
-from plateau.metric import Denoise, Half, View, encode_srgb
+from plateau.metric import Half, encode_srgb
 from plateau.picture.denoised import DenoisingTask
 from plateau.picture.denoising import child, oidn, process
 from tests.service.api.routes.test_again import go_on, loses
@@ -95,11 +93,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[DenoisingTask]:
 
 def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm, asked: list[DenoisingTask]) -> None:
     done, raw = finished(farm, **JOB), finished(farm, **RAW)
-    # A draft is enough for a look that ends nothing
-    drafts = [one.is_draft for one in asked]
-    assert drafts[0]
-    assert not drafts[-1]
-    assert len(drafts) - drafts.count(False) <= done.points
+    assert len(asked) == done.points  # each look's image once
     assert (done.state, raw.state) == (JobState.CONVERGED, JobState.CONVERGED)
     assert done.spp < raw.spp
     # The image is the blend of what the file has beside it
@@ -110,7 +104,6 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm, asked: list[Denois
     np.testing.assert_allclose(colour(found), blend, atol=1e-6)
     said = header(farm.picture(done, "image.exr"))
     assert said["plateau:denoiser"].startswith("Open Image Denoise 2.")
-    assert "of halves" not in said["plateau:denoiser"]
     # And the curve says what denoising gives
     first = farm.jobs.curve(done.id)[0]
     assert first.raw_estimate_pixels > first.estimate_pixels
@@ -216,9 +209,7 @@ def test_alpha_stays_and_what_is_behind_it_is_not_in_the_colour(
 
 
 @pytest.mark.parametrize("more", [*rare(0), 1])
-def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(
-    farm: NoiseFarm, asked: list[DenoisingTask], more: int
-) -> None:
+def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(farm: NoiseFarm, more: int) -> None:
     job = farm.submit(**NEVER)
     with farm.monitor():
         farm.work(lambda: farm.jobs.get(job.id).points >= 1)
@@ -228,7 +219,6 @@ def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(
     done = farm.jobs.get(job.id)
     assert done.image_spp >= farm.jobs.curve(job.id)[-1].spp + 10 * more
     assert layers(farm, done)["denoised.weight"].max() > 0
-    assert not asked[-1].is_draft
 
 
 def test_a_process_that_is_killed_is_asked_again(farm: NoiseFarm) -> None:
@@ -267,38 +257,7 @@ def test_one_too_large_for_the_machine_fails_in_words(
 def test_an_image_may_be_as_small_as_can_be(size: tuple[int, int]) -> None:
     image = np.full((*size, 3), 0.5, np.float32)
     task = DenoisingTask(image, (Half(image, 1), Half(image, 1)), (image, image), PAPER)
-    np.testing.assert_allclose(child.Denoiser().denoised(task).blend.image, image, atol=1e-3)
-
-
-def test_what_was_denoised_before_is_not_denoised_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Given a draft of an image, and another image before it
-    rng, runs = np.random.default_rng(1), []
-    images = 0.5 + 0.1 * rng.standard_normal((4, 16, 16, 3)).astype(np.float32)
-    draft, before = (
-        DenoisingTask((one + other) / 2, (Half(one, 1), Half(other, 1)), (), PAPER, is_draft=True)
-        for one, other in (images[:2], images[2:])
-    )
-    task = replace(draft, is_draft=False)
-    alone = child.Denoiser().denoised(task)
-    real = oidn.denoiser
-
-    def counted(*about: Any) -> tuple[Denoise, str]:
-        denoise, words = real(*about)
-        return lambda image: (runs.append(image), denoise(image))[1], words
-
-    monkeypatch.setattr(oidn, "denoiser", counted)
-    denoiser = child.Denoiser()
-    for one in (before, draft):
-        denoiser.denoised(one)
-    assert len(runs) == 4
-    # When the image itself is denoised, then its halves are known, and no bit is another
-    found = denoiser.denoised(task)
-    assert len(runs) == 5
-    for name, values in alone.arrays().items():
-        np.testing.assert_array_equal(found.arrays()[name], values)
-    # Whoever asks for it on another display has it anew
-    denoiser.denoised(replace(task, view=View(exposure_ev=1)))
-    assert len(runs) == 8
+    np.testing.assert_allclose(child.denoised(task).blend.image, image, atol=1e-3)
 
 
 def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:

@@ -59,7 +59,7 @@ def rules(incomplete: str) -> Offered:
     """The stopping rules."""
     from plateau.rules import rules as known
 
-    named = [(name, rule.summary) for name, rule in known().items()]
+    named = [(name, rule.help) for name, rule in known().items()]
     return [(name, about.rstrip(".")) for name, about in named if name.startswith(incomplete)]
 
 

@@ -119,7 +119,7 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
     }
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
-        *("estimate_undetermined", "non_finite_pixels", "forecast_spp", "expected_spp"),
+        *("estimate_undetermined", "non_finite_pixels", "expected_spp"),
     )
     saved = int(fields.get("samples_saved", 0))
     cap = spec.max_spp * int(width or 0) * int(height or 0)
@@ -148,7 +148,6 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         **{name: latest.get(name) for name in judged},
         spp_min=_zone_spp(fields, latest, "spp_min"),
         spp_max=_zone_spp(fields, latest, "spp_max"),
-        forecast_s=_seconds_to(latest.get("forecast_spp"), latest, fields),
         expected_s=_seconds_to(latest.get("expected_spp"), latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=saved,

@@ -197,14 +197,12 @@ class Job(_Record):
         description="pixels of the last judged image with a NaN or an infinity; they are left out "
         "of every other count, and more than 0.1 % of them fail the job",
     )
-    forecast_spp: int | None = None
-    forecast_s: float | None = Field(
-        None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"
-    )
     expected_spp: int | None = Field(
         None, description="spp at which the job is likely to end, by its own rule, if known"
     )
-    expected_s: float | None = Field(None, description="seconds from the last point to there")
+    expected_s: float | None = Field(
+        None, description="seconds from the last point to there, at the job's mean rate"
+    )
     verdict: dict[str, float | None] | None = Field(
         None, description="the numbers of the rule that fired"
     )

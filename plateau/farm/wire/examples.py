@@ -197,8 +197,6 @@ JOB: Final[dict[str, Any]] = {
     "estimate_pixels": 96.5,
     "estimate_fraction": 0.0014724731,
     "non_finite_pixels": 0,
-    "forecast_spp": 1300,
-    "forecast_s": 15.3,
     "expected_spp": 1300,
     "expected_s": 15.3,
     "samples_saved": 0,

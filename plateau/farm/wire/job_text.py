@@ -59,7 +59,7 @@ def point_figures(job: Job, point: CurvePoint) -> list[str]:
         found.append(f"slope {significant(point.slope)} px/spp{aim}")
     if point.estimate_pixels is not None:
         left = of_image(point.estimate_pixels, point.estimate_fraction)
-        target = stop_fraction(job)
+        target = job.spec.rule.behaviour.noise_target
         aim = "" if target is None else f" (stops at {100 * target:g} %)"
         found.append(f"noise left {left}{aim}{undetermined(point)}")
     found += _own_values(job, point)
@@ -104,11 +104,6 @@ def stop_slope(job: Job) -> float | None:
     if limit is None or job.width is None or job.height is None:
         return None
     return limit.of(job.width * job.height)
-
-
-def stop_fraction(job: Job) -> float | None:
-    """The noise left at which the job's rule stops, as a share of the pixels."""
-    return job.spec.rule.behaviour.noise_target
 
 
 def again(job: Job) -> str:

@@ -10,7 +10,7 @@ from plateau.rules import DEFAULT, ParameterRole, as_offered
 _EXAMPLE: Final[JsonDict] = {
     "name": "fixed",
     "title": "A number of samples",
-    "help": "Stops there, whatever the image looks like.",
+    "help": "Stops at a number of samples, whatever the image looks like.",
     "default": False,
     "featured": False,
     "quantity": "",

@@ -136,9 +136,7 @@ class Relmse(ErrorRule):
 
     name: ClassVar[str] = "relmse"
     title: ClassVar[str] = "A relative error, for references"
-    summary: ClassVar[str] = "Stop when the relative mean squared error is surely so small."
-    help: ClassVar[str] = summary
-    criterion: ClassVar[str] = "mean of (I_n − I_∞)²/(I_∞² + 0.01) surely ≤ `target`, n ≥ `min_spp`"
+    help: ClassVar[str] = "Stops when the relative mean squared error is surely so small."
     order: ClassVar[int] = 10
     quantity: ClassVar[str] = "squared error"
     unit: ClassVar[str] = "relMSE"
@@ -153,9 +151,7 @@ class Rmse(ErrorRule):
 
     name: ClassVar[str] = "rmse"
     title: ClassVar[str] = "An absolute error, for references"
-    summary: ClassVar[str] = "Stop when the root mean squared error of radiance is surely so small."
-    help: ClassVar[str] = summary
-    criterion: ClassVar[str] = "√ mean of (I_n − I_∞)² surely ≤ `target`, n ≥ `min_spp`"
+    help: ClassVar[str] = "Stops when the root mean squared error of radiance is surely so small."
     order: ClassVar[int] = 11
     quantity: ClassVar[str] = "RMSE"
     unit: ClassVar[str] = "radiance"
@@ -174,9 +170,7 @@ class Psnr(ErrorRule):
 
     name: ClassVar[str] = "psnr"
     title: ClassVar[str] = "A PSNR, for references"
-    summary: ClassVar[str] = "Stop when the PSNR of the displayed image is surely so high."
-    help: ClassVar[str] = summary
-    criterion: ClassVar[str] = "PSNR(I_n, I_∞), displayed, surely ≥ `target` dB, n ≥ `min_spp`"
+    help: ClassVar[str] = "Stops when the PSNR of the displayed image is surely so high."
     order: ClassVar[int] = 12
     quantity: ClassVar[str] = "PSNR"
     unit: ClassVar[str] = "dB"
@@ -208,9 +202,7 @@ class Noise(ErrorRule):
 
     name: ClassVar[str] = "noise"
     title: ClassVar[str] = "A noise level, as of other renderers"
-    summary: ClassVar[str] = "Stop when most pixels surely have so small a relative standard error."
-    help: ClassVar[str] = summary
-    criterion: ClassVar[str] = "standard error / I_∞ surely ≤ `target` in a `share` of the pixels"
+    help: ClassVar[str] = "Stops when most pixels surely have so small a relative standard error."
     order: ClassVar[int] = 13
     quantity: ClassVar[str] = "standard error"
     unit: ClassVar[str] = "of the light"

@@ -23,12 +23,8 @@ class Fixed(Rule):
     """
 
     name: ClassVar[str] = "fixed"
-    summary: ClassVar[str] = (
-        "Stop at a number of samples, whatever the image looks like (algorithm 4.1)."
-    )
     title: ClassVar[str] = "A number of samples"
-    help: ClassVar[str] = "Stops there, whatever the image looks like."
-    criterion: ClassVar[str] = "n reaches `spp`"
+    help: ClassVar[str] = "Stops at a number of samples, whatever the image looks like."
     order: ClassVar[int] = 1
     continues: ClassVar[bool] = True
 

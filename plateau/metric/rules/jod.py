@@ -45,16 +45,10 @@ class Jod(Rule):
     """
 
     name: ClassVar[str] = "jod"
-    summary: ClassVar[str] = (
-        "Stop when the image is nearly as good as the converged one, by ColorVideoVDP (2024)."
-    )
     title: ClassVar[str] = "Good enough for the eye of today"
     help: ClassVar[str] = (
         "Stops when today's model of vision, ColorVideoVDP, finds the image nearly as good as the "
         "converged one, on the display and at the distance of the view."
-    )
-    criterion: ClassVar[str] = (
-        "the quality by ColorVideoVDP is surely ≥ `target` JOD, twice, n ≥ `min_spp`"
     )
     order: ClassVar[int] = 7
     featured: ClassVar[bool] = True

@@ -45,15 +45,8 @@ class Multiple(RuleOverEarlierImages):
     """
 
     name: ClassVar[str] = "multiple"
-    summary: ClassVar[str] = (
-        "Stop when the last images hardly differ from the newest (algorithm 4.3)."
-    )
     title: ClassVar[str] = "Several steps back"
     help: ClassVar[str] = "Stops when the last few images hardly differ from the newest."
-    criterion: ClassVar[str] = (
-        "all of D(I_m, R), …, D(I_m+w−1, R) ≤ `threshold`, R the image after the window"
-    )
-    stores: ClassVar[str] = "`window` images"
     order: ClassVar[int] = 3
 
     #: w: how many images the window holds.

@@ -47,15 +47,10 @@ class Myszkowski(RuleOverEarlierImages):
     """
 
     name: ClassVar[str] = "myszkowski"
-    summary: ClassVar[str] = (
-        "Stop when the image hardly differs from the one at a share of its samples (1998)."
-    )
     title: ClassVar[str] = "Half against whole"
     help: ClassVar[str] = (
         "Stops when the image hardly differs from the one at a share of its samples."
     )
-    criterion: ClassVar[str] = "D(I_αn, I_n) ≤ `threshold`"
-    stores: ClassVar[str] = "images back to αn"
     order: ClassVar[int] = 5
 
     #: α: the earlier image's share of the samples.

@@ -49,15 +49,10 @@ class Reverse(Rule):
     """
 
     name: ClassVar[str] = "reverse"
-    summary: ClassVar[str] = (
-        "Stop when the difference to the first image has reached its plateau (algorithm 4.4)."
-    )
     title: ClassVar[str] = "The paper's plateau"
     help: ClassVar[str] = (
         "Stops when the count of pixels that have changed since the first image no longer rises."
     )
-    criterion: ClassVar[str] = "the slope of D(I_first, I_n) over n on the last `window` points ≤ ε"
-    stores: ClassVar[str] = "one image"
     order: ClassVar[int] = 4
     featured: ClassVar[bool] = True
     continues: ClassVar[bool] = True  # every job's judge keeps one, for the curve

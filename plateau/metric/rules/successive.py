@@ -39,16 +39,11 @@ class Successive(RuleOverEarlierImages):
     """
 
     name: ClassVar[str] = "successive"
-    summary: ClassVar[str] = (
-        "Stop when an image hardly differs from the one before it (algorithm 4.2)."
-    )
     title: ClassVar[str] = "One step to the next"
     help: ClassVar[str] = (
         "Stops when an image hardly differs from the one a step before; easily fooled by small "
         "steps."
     )
-    criterion: ClassVar[str] = "D(I_n−step, I_n) ≤ `threshold`"
-    stores: ClassVar[str] = "one image"
     order: ClassVar[int] = 2
 
     #: Visible pixels at 512×512 that may still change.

@@ -45,15 +45,11 @@ class Visible(Rule):
     """
 
     name: ClassVar[str] = "visible"
-    summary: ClassVar[str] = (
-        "Stop when hardly any noise is left: pixels that differ visibly from the converged image."
-    )
     title: ClassVar[str] = "No noise left to see"
     help: ClassVar[str] = (
         "Stops when hardly any noise is left: pixels that would still change visibly if it went "
         "on, estimated from two halves of the samples."
     )
-    criterion: ClassVar[str] = "the half-buffer estimate and its trend ≤ `target`, n ≥ `min_spp`"
     order: ClassVar[int] = 6
     featured: ClassVar[bool] = True
     continues: ClassVar[bool] = True  # every job's judge keeps one

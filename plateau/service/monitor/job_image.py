@@ -8,7 +8,6 @@ from plateau.farm.process.child import NoAnswer
 from plateau.picture.denoised import Denoised, DenoisingTask
 from plateau.picture.denoising import oidn
 from plateau.picture.denoising.process import Denoising, TooLarge
-from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
 from plateau.service.monitor.known import Known
 
@@ -38,11 +37,10 @@ class JobImage:
         slices, denoised = self._last
         return denoised if slices == merge.slices else None
 
-    def denoise(self, merge: Merge, judge: Judge, known: Known) -> bool:
+    def denoise(self, merge: Merge, known: Known) -> bool:
         """Return whether the merged image is denoised; have it denoised unless it is by now.
 
-        Where a draft will do, it is one, unless the rule may end the job by it. An ended job whose
-        image cannot be denoised has it as it is.
+        An ended job whose image cannot be denoised has it as it is.
 
         Raises
         ------
@@ -56,16 +54,9 @@ class JobImage:
                 return False
             self._asked = None
             self._note(slices, future, has_ended=has_ended)
-            found = self.of(merge)
-            is_enough = found is not None and not (found.is_draft and judge.may_end(merge, found))
-            if is_enough or self._failures >= MAX_TRIES:
+            if self.of(merge) is not None or self._failures >= MAX_TRIES:
                 return True
-        task = DenoisingTask.of(
-            merge,
-            known.job.spec,
-            is_point=known.plan.is_point(slices),
-            is_draft=known.may_be_drafted and self._last[0] != slices,
-        )
+        task = DenoisingTask.of(merge, known.job.spec, is_point=known.plan.is_point(slices))
         try:
             self._asked = slices, self._denoising.start(self._job_id, task)
         except TooLarge as too_large:

@@ -126,10 +126,7 @@ class JobRun:
             case steps.MergeSlice():
                 return self._merge_slice()
             case steps.DenoiseImage():
-                is_done = self._image.denoise(self._merge, self._judge, known)
-                found = self._image.of(self._merge)
-                is_draft = found is not None and found.is_draft
-                return known.with_denoised(is_done=is_done, is_draft=is_draft)
+                return known.with_denoised(is_done=self._image.denoise(self._merge, known))
             case steps.JudgeImage():
                 return self._judge_image()
             case steps.RecordPoint():

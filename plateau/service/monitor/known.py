@@ -60,7 +60,6 @@ class Known:
     answer: RuleAnswer | None = None  #: the rules' answer, until every step that it causes is taken
     recorded: bool = False  #: whether the curve has the point of that answer
     denoised: int = 0  #: slices in the image that was denoised last
-    is_draft: bool = False  #: whether only the halves of that image were
     flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     shown_spp: int = 0  #: of the image that this monitor showed last
@@ -161,26 +160,7 @@ class Known:
     @property
     def is_to_be_denoised(self) -> bool:
         """Whether the merged image is denoised before anybody judges it, or has it as a result."""
-        if not self.job.spec.is_denoised or self.merged <= 1:
-            return False
-        return self.denoised != self.merged or (self.is_draft and self.is_result)
-
-    @property
-    def is_result(self) -> bool:
-        """Whether the merged image is one of an ended job, and no rule has to see it."""
-        return self.job.state.ended and not self.is_to_be_judged
-
-    @property
-    def may_be_drafted(self) -> bool:
-        """Whether a draft of the denoised image may be all that the rules need.
-
-        One is enough to say how much is wrong, unless that ends the job. Rules that compare images
-        need all of one kind.
-        """
-        spec = self.job.spec
-        waits_for_noise = spec.rule.behaviour.noise_target is not None and not spec.watch
-        is_judged = self.is_to_be_judged and not self.is_result
-        return is_judged and waits_for_noise and not self.at_cap
+        return self.job.spec.is_denoised and self.merged > 1 and self.denoised != self.merged
 
     @property
     def seen_spp(self) -> int:
@@ -313,11 +293,11 @@ class Known:
         """The partial of the next slice is lost or damaged, so no later slice can be merged."""
         return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
 
-    def with_denoised(self, *, is_done: bool, is_draft: bool = False) -> "Known":
-        """The merged image is denoised, as a draft or wholly, or being denoised."""
+    def with_denoised(self, *, is_done: bool) -> "Known":
+        """The merged image is denoised, or being denoised."""
         if not is_done:
             return replace(self, is_being_denoised=True)
-        return replace(self, denoised=self.merged, is_draft=is_draft)
+        return replace(self, denoised=self.merged)
 
     def with_answer(self, answer: RuleAnswer, at_s: float) -> "Known":
         """The rules have judged the merged image."""

@@ -121,17 +121,17 @@ def test_pauses_add_up_and_the_one_that_lasts_is_dated(farm: Farm) -> None:
     assert farm.jobs.cancel(job.id).paused_s >= resumed.paused_s + 50
 
 
-def test_a_pause_does_not_slow_the_forecast(farm: Farm) -> None:
+def test_a_pause_does_not_put_off_the_expected_end(farm: Farm) -> None:
     job, owned = farm.job()
     farm.lease()
     farm.jobs.pause(job.id)
     # Given that it has rendered for 100 s, and is paused for 1000 s by now
     farm.moves(job, started_at=1100, paused_at=1000)
     # A point that comes while the job is paused, of slices that were in hand
-    farm.owners.append_point(owned, 100, {"spp": 100, **POINT, **ESTIMATE, "forecast_spp": 200})
-    forecast_s = farm.jobs.get(job.id).forecast_s
-    assert forecast_s is not None
-    assert 99 <= forecast_s < 200
+    farm.owners.append_point(owned, 100, {"spp": 100, **POINT, **ESTIMATE, "expected_spp": 200})
+    expected_s = farm.jobs.get(job.id).expected_s
+    assert expected_s is not None
+    assert 99 <= expected_s < 200
     # and it stays so, however long the pause
     farm.jobs.resume(job.id)
-    assert farm.jobs.get(job.id).forecast_s == forecast_s
+    assert farm.jobs.get(job.id).expected_s == expected_s

@@ -36,6 +36,7 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
         # Points come as they are made, without a reload
         expect(page.locator(".readout")).to_contain_text("75 spp")
         expect(page.locator(".caption")).to_contain_text("32 × 24")
+        expect(page.locator("progress")).to_have_attribute("title", "75 of 200 spp")
         farm.render(5)
         expect(page.locator(".one-job .title .state")).to_have_text("converged")
         expect(page.locator(".reason")).to_contain_text("stopped by itself at 200 spp")

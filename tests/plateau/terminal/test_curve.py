@@ -30,7 +30,7 @@ def curve(last_spp: int = 1000) -> list[CurvePoint]:
 
 
 def drawn(points: list[CurvePoint], **more: object) -> list[str]:
-    options = {"target": 2e-4, "forecast_spp": None, "max_spp": 10_000, "columns": 80, "rows": 10}
+    options = {"target": 2e-4, "columns": 80, "rows": 10}
     return terminal_curve(points, **{**options, **more}).plain.split("\n")
 
 
@@ -69,24 +69,11 @@ def test_the_target_is_a_line_from_end_to_end() -> None:
     assert not any("target" in line for line in drawn(curve(), target=None))
 
 
-def test_the_forecast_goes_on_to_the_target() -> None:
-    without, with_one = drawn(curve()), drawn(curve(), forecast_spp=4000)
-    # The samples so far take a quarter of the width then, and a line leads down to the target
-    assert "3,448" in with_one[-1]
-    assert "3,448" not in without[-1]
-    target = row_of(with_one, "target")
-    above = [dots(line) for line in with_one[:target]]
-    assert max(column for columns in above for column in columns) > 40
-    # None is drawn beyond the cap
-    assert "3,448" not in drawn(curve(), forecast_spp=4000, max_spp=2000)[-1]
-    assert "1,724" in drawn(curve(), forecast_spp=4000, max_spp=2000)[-1]
-
-
 @pytest.mark.parametrize("columns", [LEAST_COLUMNS, 60, 80, 200])
 @pytest.mark.parametrize("rows", [LEAST_ROWS, 9, 16])
 @pytest.mark.parametrize("points", [1, 2, 10, 300])
 def test_it_fits_the_room_that_it_has(columns: int, rows: int, points: int) -> None:
-    lines = drawn(curve(100 * points), columns=columns, rows=rows, forecast_spp=123_456)
+    lines = drawn(curve(100 * points), columns=columns, rows=rows)
     assert len(lines) == rows
     assert max(map(len, lines)) <= min(columns, 110)
 

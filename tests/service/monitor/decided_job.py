@@ -223,7 +223,6 @@ class DecidingMonitor:
         self.in_hand: list[int] = []
         self.sums = job.checkpoint.slices
         self.denoising = 0  #: slices in the image that it has had denoised
-        self.is_draft = False  #: whether that was a draft
         self.judged = list(job.checkpoint.judged)
         read = job.read()
         self.known = Known(
@@ -295,9 +294,7 @@ class DecidingMonitor:
                 assert self.sums > 1
                 # It is done at the next turn
                 asked, self.denoising = self.denoising, self.sums
-                goes_on = not (job.rules.answer(spp).stop or job.rules.flaw(spp) or known.at_cap)
-                self.is_draft = known.is_to_be_judged and not known.is_result and goes_on
-                return known.with_denoised(is_done=asked == self.sums, is_draft=self.is_draft)
+                return known.with_denoised(is_done=asked == self.sums)
             case steps.JudgeImage():
                 assert not spec.is_denoised or known.denoised == self.sums
                 # The rules see each point of the curve once, in order, whoever judges
@@ -389,7 +386,6 @@ class DecidingMonitor:
             assert answer.flaw is None
             assert step.numbers == {"spp": spp}
         if step.with_image:  # it was judged, and the curve has it
-            assert not self.is_draft
             assert self.judged[-1] == spp == job.curve[-1]
         if step.state is JobState.EXHAUSTED:
             assert spp > 0
@@ -406,7 +402,6 @@ class DecidingMonitor:
         self.write()
         if step.image == "merged":
             assert step.spp == spp > 0
-            assert not (self.is_draft and self.denoising == self.sums)
             # No sample that was rendered is left out, unless the rule did without it or it is lost
             next_one = self.sums in job.committed
             if next_one and job.state in {JobState.CANCELLED, JobState.EXHAUSTED}:

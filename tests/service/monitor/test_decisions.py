@@ -286,13 +286,6 @@ def test_what_was_seen_of_an_image_does_not_hold_of_the_next() -> None:
     assert known(merged=3, in_hand=1, flaw="").with_slice_merged().flaw is None
 
 
-def test_a_draft_is_no_result() -> None:
-    drafted = ended_denoised(100, merged=4, judged=4, denoised=4, is_draft=True)
-    drafted = replace(drafted, ledger=READ, concluded=False)
-    assert next_step(drafted) == steps.DenoiseImage()
-    assert not drafted.may_be_drafted
-
-
 # Whatever happens.
 
 

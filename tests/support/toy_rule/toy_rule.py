@@ -12,10 +12,8 @@ class Toy(Rule):
     """Stops when the image has been looked at often enough."""
 
     name: ClassVar[str] = "toy"
-    summary: ClassVar[str] = "Stop after a number of evaluations."
     title: ClassVar[str] = "A number of looks"
     help: ClassVar[str] = "Stops when the image was looked at often enough."
-    criterion: ClassVar[str] = "it is evaluated for the `looks`th time"
 
     #: How often it looks.
     looks: int = parameter(

@@ -56,7 +56,7 @@ def rule_model(rule: type[StoppingRule], module: str) -> type[RuleModel]:
     made: type[RuleModel] = create_model(
         f"{rule.__name__}Spec",
         __base__=RuleModel,
-        __doc__=rule.summary,
+        __doc__=rule.help,
         __module__=module,
         **fields,
     )

@@ -20,7 +20,7 @@ from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
 from plateau.picture.checkpoints import unpacked_sums
 from plateau.picture.denoised import DenoisingTask, packed
-from plateau.picture.denoising.child import Denoiser
+from plateau.picture.denoising.child import denoised
 
 
 def main() -> None:
@@ -70,8 +70,8 @@ class _Frames(Sequence["NoiseModel | BlendError"]):
     def __getitem__(self, place: Any) -> Any:
         merge, _ = unpacked_sums(read_part(self._stream), self._slices[place], self._spec)
         if self._spec.is_denoised:
-            task = DenoisingTask.of(merge, self._spec, is_point=False, is_draft=False)
-            return Denoiser().denoised(task).error
+            task = DenoisingTask.of(merge, self._spec, is_point=False)
+            return denoised(task).error
         halves = merge.halves()
         assert halves is not None  # a frame of one slice is not looked at
         return noise_model(self._metric, merge.image(), halves)

@@ -5,7 +5,7 @@ import { follow, get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { JobControls } from "../shared/job_controls.js";
-import { AGAIN, deletedSince, ENDED, noiseTarget, shortId, took } from "../shared/job_summary.js";
+import { AGAIN, deletedSince, ENDED, shortId, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -104,8 +104,8 @@ export function open(main, { id, signal, go }) {
     }
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
-    // The forecast, if any, is a better goal than the cap.
-    const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
+    // Where it is expected to end, if that is known, is a better goal than the cap.
+    const goal = Math.min(job.expected_spp ?? job.spec.max_spp, job.spec.max_spp);
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
     const kind = `${job.state} ${job.finished_at ?? ""} ${maySteer(job)} ${maySubmit()}`;

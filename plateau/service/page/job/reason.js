@@ -1,7 +1,7 @@
 // Why a job is in its state, in words for readers who do not know the papers.
 
 import { percent, pixels, sentence, several, sppOf, whole } from "../shared/figures.js";
-import { noiseTarget } from "../shared/job_summary.js";
+import { valueIn } from "../shared/rules.js";
 
 /**
  * What to do about a failure: where the scene is at fault, where renderers died, and otherwise.
@@ -48,12 +48,8 @@ function leftToSee(job) {
 /** @param {Api.JobView} job */
 function aim(job) {
   const { rule, max_spp: cap } = job.spec;
-  const target = noiseTarget(job);
-  if (target != null) {
-    if (job.forecast_spp == null) return `It continues until that is ${percent(target)}, or to ${whole(cap)} spp.`;
-    const far = job.forecast_spp > cap ? `, which is beyond its cap of ${whole(cap)}` : "";
-    return `It continues until that is ${percent(target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
-  }
+  const target = valueIn("noise_target", rule);
+  const end = target == null ? `the rule ${rule.name} stops it` : `that is ${percent(target)}`;
   const expected = job.expected_spp == null ? "" : `, which is expected at ${whole(job.expected_spp)} spp`;
-  return `It continues until the rule ${rule.name} stops it${expected}, or to ${whole(cap)} spp.`;
+  return `It continues until ${end}${expected}, or to ${whole(cap)} spp.`;
 }

@@ -81,14 +81,6 @@ export function ruleWith(role, job) {
 }
 
 /**
- * The share of pixels with noise at which the job ends; null if its rule has no such target.
- * @param {Api.JobView} job
- */
-export function noiseTarget(job) {
-  return valueIn("noise_target", job.spec.rule);
-}
-
-/**
  * The side of the zones by which the job's samples are allocated, in pixels; null if they are not.
  * @param {Api.JobView} job
  */

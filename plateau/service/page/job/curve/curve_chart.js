@@ -4,7 +4,6 @@ import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
 import { colours, compact } from "./axes.js";
-import { forecastOf } from "./marks.js";
 import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { told } from "./point_words.js";
 // @ts-types="../../vendor/uPlot.d.ts"
@@ -152,9 +151,8 @@ export class CurveChart {
   }
 
   #whole() {
-    const last = this.#points[this.#points.length - 1].spp;
-    const forecast = forecastOf(this.#points);
-    const max = Math.max(last, this.#job.state === "rendering" ? Math.min(forecast?.spp ?? 0, 2.5 * last) : 0);
+    const { spp: last, expected_spp: end } = this.#points[this.#points.length - 1];
+    const max = Math.max(last, this.#job.state === "rendering" ? Math.min(end ?? 0, 2.5 * last) : 0);
     const min = this.#logX.checked ? this.#points[0].spp * 0.9 : 0;
     return { min, max: max * 1.03 };
   }

@@ -1,4 +1,4 @@
-// Marks on the curves: where each rule stops, the target, and the forecast.
+// Marks on the curves: where each rule stops, and the target.
 
 import { rulesOf } from "../../shared/job_summary.js";
 
@@ -17,16 +17,6 @@ export function stopsOf(job, points) {
     const first = points.find((point) => point.rules[name]?.stop);
     return first ? [{ name, spp: first.spp, own: index === 0 }] : [];
   });
-}
-
-/**
- * The last point's forecast of where the target is reached.
- * @param {Api.CurvePoint[]} points
- */
-export function forecastOf(points) {
-  const last = points[points.length - 1];
-  if (last?.forecast_spp == null || last.forecast_spp <= last.spp) return null;
-  return { spp: last.forecast_spp, low: last.forecast_low_spp, high: last.forecast_high_spp };
 }
 
 /**
@@ -99,46 +89,5 @@ export function drawLevel(plot, target, theme) {
     ctx.fillStyle = theme.stop;
     ctx.textAlign = "right";
     ctx.fillText("target", bbox.left + bbox.width - 4 * unit, y - 5 * unit);
-  });
-}
-
-/**
- * A line from the last estimate to the target, with the forecast's interval.
- * @param {uPlot} plot
- * @param {Api.CurvePoint[]} points
- * @param {number | null} target
- * @param {Theme} theme
- */
-export function drawForecast(plot, points, target, theme) {
-  const forecast = forecastOf(points);
-  const last = points[points.length - 1];
-  const noise = last?.estimate_pixels;
-  if (!forecast || target == null || noise == null) return;
-  onPlot(plot, (ctx, _bbox, unit, to) => {
-    const [x, y] = [to.x(forecast.spp), to.y(target)];
-    ctx.strokeStyle = ctx.fillStyle = theme.estimate;
-    ctx.lineWidth = 1.5 * unit;
-    ctx.setLineDash([2 * unit, 4 * unit]);
-    ctx.beginPath();
-    // The estimate falls by a power law: a straight line on two logarithmic axes.
-    const power = Math.log(target / noise) / Math.log(forecast.spp / last.spp);
-    for (let part = 0; part <= 24; part += 1) {
-      const spp = last.spp * (forecast.spp / last.spp) ** (part / 24);
-      ctx.lineTo(to.x(spp), to.y(noise * (spp / last.spp) ** power));
-    }
-    ctx.stroke();
-    ctx.setLineDash([]);
-    if (forecast.low != null && forecast.high != null) {
-      ctx.lineWidth = 4 * unit;
-      ctx.globalAlpha = 0.4;
-      ctx.beginPath();
-      ctx.moveTo(to.x(forecast.low), y);
-      ctx.lineTo(to.x(forecast.high), y);
-      ctx.stroke();
-      ctx.globalAlpha = 1;
-    }
-    ctx.beginPath();
-    ctx.arc(x, y, 4 * unit, 0, 2 * Math.PI);
-    ctx.fill();
   });
 }

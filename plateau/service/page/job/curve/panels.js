@@ -5,7 +5,7 @@ import { three } from "../../shared/figures.js";
 import { imagePixels, ruleWith, rulesOf, stopSlope } from "../../shared/job_summary.js";
 import { ruleNamed, valueIn } from "../../shared/rules.js";
 import { around, decades, fromZero } from "./axes.js";
-import { drawForecast, drawLevel, drawStops, stopsOf } from "./marks.js";
+import { drawLevel, drawStops, stopsOf } from "./marks.js";
 
 /** @import uPlot from "../../vendor/uPlot.d.ts" */
 /** @import { Theme } from "./axes.js" */
@@ -92,7 +92,7 @@ export class ChangedPanel extends Panel {
   }
 }
 
-/** The noise left, its band, the target and the forecast. */
+/** The noise left, its band, and the target. */
 export class NoiseLeftPanel extends Panel {
   #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
 
@@ -127,7 +127,6 @@ export class NoiseLeftPanel extends Panel {
   draw(plot, job, points, theme) {
     drawStops(plot, stopsOf(job, points), theme, false);
     drawLevel(plot, targetOf(job), theme);
-    drawForecast(plot, points, targetOf(job), theme);
   }
 
   /** @param {Api.JobView} job */
