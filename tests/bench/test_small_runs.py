@@ -12,6 +12,7 @@ from plateau.farm.model.spec import (
     MyszkowskiSpec,
     ReverseSpec,
     SuccessiveSpec,
+    VisibleSpec,
 )
 from plateau.picture.series import find_series, judge_series
 
@@ -38,6 +39,7 @@ def test_every_image_is_held_against_a_reference_of_other_samples(box: Series) -
 def test_it_stops_where_plateau_judge_does(box: Series, renders: Rendered) -> None:
     spec = JobSpec(
         step=100,
+        rule=VisibleSpec(),
         watch=(ReverseSpec(), MultipleSpec(window=5), SuccessiveSpec(), MyszkowskiSpec()),
     )
     judged = judge_series(find_series(renders.slices, image_spp=None, cumulative=False), spec)

@@ -7,6 +7,7 @@ import pytest
 from plateau.client import Client
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
+from tests.support import FRAMES
 from tests.support.farms.faulty_farm import BRIEF
 from tests.support.farms.real_farm import BOX
 from tests.support.faults.invariants import Outcome
@@ -30,7 +31,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
         up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
         try:
             with Client(up.wait_for(READY)) as client:
-                job = client.submit(BOX, JobSpec.model_validate(BRIEF)).id
+                job = client.submit(BOX, JobSpec.model_validate(FRAMES | BRIEF)).id
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
                 ballast = disk.fill()

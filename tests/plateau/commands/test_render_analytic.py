@@ -20,7 +20,7 @@ def render(tmp_path: Path) -> Iterator[Command]:
     path = tmp_path / "checks.json"
     path.write_text(json.dumps({"analytic": 1, **SIZE, "light": "checks", "level": 0.2}))
     arguments = ("-o", str(tmp_path / "out"), "--workers", "2", "--threads", "1", "--step", "50")
-    command = Command("render", str(path), *arguments, folder=tmp_path)
+    command = Command("render", str(path), *arguments, "--rule", "visible", folder=tmp_path)
     yield command
     command.end()
 
