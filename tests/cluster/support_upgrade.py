@@ -13,6 +13,7 @@ from plateau.client import Client, PointEvent
 from plateau.farm.model.job import Event
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
+from tests.support import FRAMES
 from tests.support.farms.faulty_farm import SPEC, FaultyFarm
 from tests.support.farms.real_farm import BOX
 from tests.support.until import until
@@ -100,7 +101,7 @@ class People:
     def __init__(
         self, urls: list[str], key: str | None = None, spec: dict[str, Any] = SPEC
     ) -> None:
-        self._key, self._spec = key, JobSpec.model_validate(spec)
+        self._key, self._spec = key, JobSpec.model_validate(FRAMES | spec)
         self.watched: list[Watched] = []
         self.troubles: list[BaseException] = []
         self._over = threading.Event()
