@@ -14,7 +14,7 @@ import numpy as np
 
 from plateau.metric.cvvdp import ColorVideoVDP, Display
 from plateau.metric.cvvdp.parameters import JOD_EXPONENT
-from plateau.metric.display import displayed
+from plateau.metric.display import PIXELS_PER_DEGREE, displayed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +37,6 @@ FURTHEST = 1000.0
 EVALUATIONS = 4
 #: What is lost falls as a power of the samples: the initial guess of that power.
 FIRST_POWER = 0.5
-#: Coarser and finer pixels, per degree, are as these.
-_COARSEST, _FINEST = 0.1, 1000.0
 #: Less than this is nothing lost, in JOD.
 LEAST_LOST = 1e-6
 
@@ -189,8 +187,9 @@ def display_of(view: View, width: int) -> Display:
     >>> round(display.pixels_per_degree, 2), display.peak, display.black
     (20.0, 200.0, 0.2)
     """
+    coarsest, finest = PIXELS_PER_DEGREE  # coarser and finer pixels are as these
     return Display(
-        pixels_per_degree=min(max(width / view.width_deg(width), _COARSEST), _FINEST),
+        pixels_per_degree=min(max(width / view.width_deg(width), coarsest), finest),
         peak=view.white_luminance,
         black=view.white_luminance / view.contrast,
         ambient_lux=view.ambient_lux,

@@ -190,8 +190,9 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     after are not inherited; nor is a watched rule that now ends the job, nor a field of view where
     pixels per degree are given.
     """
-    with suppress(KeyError, ValueError):  # what is no NAME=VALUE is refused with the whole spec
-        changes = {**changes, "parameters": texts.parameters(changes["parameters"])}
+    for field, read in (("parameters", texts.parameters), ("rule", texts.named)):
+        with suppress(KeyError, ValueError):  # what is no NAME=VALUE is refused with the whole spec
+            changes = {**changes, field: read(changes[field])}
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
     view = changes.get("view")
@@ -201,10 +202,9 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
         given = changes.get(field)
         if isinstance(given, dict) and "name" in given:
             merged[field] = given
-    if "watch" not in changes and "rule" in changes:
-        ends = changes["rule"]
-        name = ends.get("name") if isinstance(ends, dict) else str(ends).partition(":")[0]
-        merged["watch"] = [one for one in had["watch"] if one["name"] != name]
+    ends = changes.get("rule")
+    if "watch" not in changes and isinstance(ends, dict):
+        merged["watch"] = [one for one in had["watch"] if one["name"] != ends.get("name")]
     return merged
 
 

@@ -70,7 +70,7 @@ class Evidence:
         """Which pixels of the merged image are neither NaN nor infinite, (H, W) bool."""
         return finite_pixels(as_image(self.image))
 
-    @property
+    @cached_property
     def is_lit(self) -> bool:
         """Whether any pixel has light."""
         return bool((self.image[self.finite] > 0).any())

@@ -83,6 +83,10 @@ After = Annotated[
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 
 
+def _may_render_zones(variant: str) -> bool:
+    return variant == renderers.AUTO or renderers.variant_named(variant).renders_zones
+
+
 class UnfitFilm(ValueError):
     """A rule of the job cannot judge an image of this size, under the job's view."""
 
@@ -213,10 +217,9 @@ class SharedSpec(Strict):
         return self
 
     def _check_zones(self) -> None:
-        variant = self.variant
-        if variant != renderers.AUTO and not renderers.variant_named(variant).renders_zones:
+        if not _may_render_zones(self.variant):
             raise ValueError(
-                f"{variant} renders whole films alone: choose the allocation frame, or "
+                f"{self.variant} renders whole films alone: choose the allocation frame, or "
                 "another variant"
             )
         if self.shot is not None:
@@ -244,8 +247,7 @@ class SharedSpec(Strict):
             return "shot"
         if self.keep_slices:
             return "keep_slices"
-        has_zones = variant == renderers.AUTO or renderers.variant_named(variant).renders_zones
-        return None if has_zones else "variant"
+        return None if _may_render_zones(variant) else "variant"
 
     def settled(self: _Spec, variant: str) -> _Spec:
         """The spec on this variant: what `auto` is there takes its place."""

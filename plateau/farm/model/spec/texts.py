@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 from pydantic_core.core_schema import no_info_before_validator_function
 
 
-def _named(value: Any) -> Any:
+def named(value: Any) -> Any:
     """A rule, an allocation or a denoiser: ``NAME`` or ``NAME:PARAMETER=VALUE,…``."""
     if not isinstance(value, str):
         return value
@@ -91,7 +91,7 @@ class _Text:
         return {"anyOf": [*found.pop("anyOf", [found]), text, *several]}
 
 
-NAMED = _Text(_named, "NAME or NAME:PARAMETER=VALUE,…")
+NAMED = _Text(named, "NAME or NAME:PARAMETER=VALUE,…")
 SHOT = _Text(_shot, "FPS or FPS:target=JOD")
 COLOUR = _Text(_colour, "R,G,B")
 PARAMETERS = _Text(parameters, "NAME=VALUE", is_several=True, title="Parameters")
