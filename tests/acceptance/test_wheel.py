@@ -20,6 +20,7 @@ import pytest
 
 from tests.support.api_document import api_document
 from tests.support.farms.real_farm import RealFarm
+from tests.support.missing import missing
 
 ROOT = Path(__file__).parents[2]
 UV = Path(sys.executable).with_name("uv")
@@ -273,7 +274,7 @@ def test_the_base_lacks_what_a_farm_is_made_of(
     which = ["env", f"PYENV_VERSION={version}", python, "-c", "import sys; print(sys.executable)"]
     found = subprocess.run(which, capture_output=True, text=True, check=False).stdout.strip()
     if not found and version != OWN_PYTHON:
-        pytest.skip(f"there is no {python} here")
+        missing(f"there is no {python} here: install it, such as by `pyenv install {version}`")
     # When nothing but the base is installed
     program = f"""
 from importlib.util import find_spec
