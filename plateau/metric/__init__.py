@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from plateau.metric.display import Image, Mask, View, encode_srgb
     from plateau.metric.estimate import Estimate, allowed_pixels
     from plateau.metric.focus import focus_plane
-    from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
@@ -39,7 +38,6 @@ __all__ = [
     "Difference",
     "Estimate",
     "Evidence",
-    "Forecast",
     "Half",
     "Image",
     "Mask",
@@ -72,7 +70,6 @@ _HOMES: Final = {
     "display": ("Image", "Mask", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels"),
     "focus": ("focus_plane",),
-    "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("allowed_non_finite", "non_finite_pixels"),
     "pictures": (

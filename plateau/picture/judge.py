@@ -14,7 +14,6 @@ from plateau.metric import (
     Blend,
     Estimate,
     Evidence,
-    Forecast,
     Memory,
     Rule,
     Verdict,
@@ -28,14 +27,7 @@ from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
 from plateau.picture.allotment import allotment
 from plateau.picture.denoised import Denoised
 from plateau.picture.merge import Merge
-from plateau.picture.point import (
-    of_curve,
-    of_denoising,
-    of_estimate,
-    of_forecast,
-    of_merge,
-    of_rule,
-)
+from plateau.picture.point import of_curve, of_denoising, of_estimate, of_merge, of_rule
 from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, NOISE
 
@@ -96,6 +88,7 @@ class Judge:
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
         self._focus = spec.view.focus
+        self._waits_for_noise = spec.noise_target is not None
         self._target = spec.noise_target or create_rule(NOISE).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -126,7 +119,7 @@ class Judge:
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
         self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
-        forecast, decided = None, None
+        forecast_spp, decided = None, None
         if self._target and not flaw:
             chosen_by = _by_other_halves(evidence, merge, denoised)
             if plan is not None and chosen_by is not None and merge.zone_spp is not None:
@@ -134,25 +127,24 @@ class Judge:
                 allotted = allotment(
                     chosen_by, self._target, plan, merge.zone_spp, quality_target=quality
                 )
-                decided, at = allotted.round, allotted.forecast_spp
-                forecast = Forecast(at, None, None)
-            else:
-                forecast = evidence.forecast(self._target)
+                decided, forecast_spp = allotted.round, allotted.forecast_spp
+            elif self._waits_for_noise:
+                forecast_spp = evidence.forecast(self._target)
         point = {
             **of_merge(merge),
             **curve,
             **of_estimate(estimate),
             **({} if denoised is None or flaw else of_denoising(evidence, raw, self._target)),
-            **of_forecast(forecast),
+            "forecast_spp": forecast_spp if self._waits_for_noise else None,
             # By the image alone, so that it does not depend on which monitor judged those before.
-            "expected_spp": self._expected_spp(forecast),
+            "expected_spp": self._expected_spp(forecast_spp),
             "rules": {
                 name: of_rule(verdicts[name], stop=verdicts[name].stop and not flaw)
                 for name in self._shown
             },
         }
         own = verdicts[self._own]
-        expected = self._expected_spp(forecast, self._crossing(own, merge.spp))
+        expected = self._expected_spp(forecast_spp, self._crossing(own, merge.spp))
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
 
     def _evidence(self, merge: Merge) -> Evidence:
@@ -168,10 +160,9 @@ class Judge:
         )
 
     def _expected_spp(
-        self, forecast: Forecast | None, crossing_spp: int | None = None
+        self, forecast_spp: int | None, crossing_spp: int | None = None
     ) -> int | None:
         """Return where the job is likely to end: see the rule's `expected_end_spp`."""
-        forecast_spp = None if forecast is None else forecast.spp
         spp = self._rules[self._own].expected_end_spp(forecast_spp, crossing_spp)
         return None if spp is None else max(spp, self._min_spp)
 

@@ -57,7 +57,7 @@ def test_a_job_may_end_though_noise_is_left_where_nobody_looks():
 
 
 def test_it_needs_more_samples_for_what_is_looked_at():
-    left, plain, right = (seen(weights).forecast(0.001).spp for weights in (LEFT, None, RIGHT))
+    left, plain, right = (seen(weights).forecast(0.001) for weights in (LEFT, None, RIGHT))
     assert left > plain > right == SPP
 
 

@@ -79,10 +79,8 @@ class CurvePoint(_Record):
     forecast_spp: int | None = Field(
         None,
         description="spp at which the noise left falls to the target of the rule `visible`; null "
-        "where that is out of reach",
+        "where that is out of reach, and where no rule of the job waits for it",
     )
-    forecast_low_spp: int | None = Field(None, description="the band around it")
-    forecast_high_spp: int | None = None
     expected_spp: int | None = Field(
         None,
         description="spp at which the job is likely to end, by its rule and its min_spp, as far as "
