@@ -35,7 +35,7 @@ from plateau.rules import CURVE, NOISE
 def warm_up() -> None:
     """Compile the metric's kernels, or load them from their cache, before a job waits for them.
 
-    It takes some 10 s the first time on a machine, and less than 1 s later.
+    It takes 10 to 30 s the first time on a machine, and less than 1 s later.
     """
     metric, image = CompiledVisibleDifferences(View()), np.zeros((16, 16, 3), np.float32)
     reference = metric.percept(image)

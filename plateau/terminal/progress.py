@@ -31,6 +31,7 @@ class Progress(ABC):
         self._job: JobView | None = None
         self._points: list[CurvePoint] = []
         self._slices: deque[tuple[datetime, int]] = deque()  # when committed, and its samples
+        self._noted: set[str] = set()
 
     def __enter__(self) -> "Progress":
         return self
@@ -39,8 +40,12 @@ class Progress(ABC):
         self.refresh()
 
     def job(self, job: JobView) -> None:
-        """Show the current state of the job."""
+        """Show the current state of the job, and each of its notes once."""
         self._job = job
+        for note in job.notes:
+            if note not in self._noted:
+                self.note(f"note: {note}")
+                self._noted.add(note)
         self.refresh()
 
     def event(self, event: Event) -> None:

@@ -5,7 +5,15 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.bundle.limits import BundleError, shown
-from plateau.farm.bundle.tree import EntryKind, EscapeError, Parts, Tree, find, suggestion
+from plateau.farm.bundle.tree import (
+    EntryKind,
+    EscapeError,
+    Parts,
+    Tree,
+    find,
+    suggestion,
+    why_outside,
+)
 from plateau.farm.bundle.xml import XmlBudget
 
 Role = Literal["include", "file", "folder"]
@@ -65,7 +73,7 @@ class References:
         except EscapeError:
             raise BundleError(
                 "path-escape",
-                f"{shown(text)} {self._tree.outside}",
+                f"{shown(text)} {why_outside(self._tree, text)}",
                 file=file,
                 line=line,
             ) from None

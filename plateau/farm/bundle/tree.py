@@ -19,6 +19,9 @@ _MAX_PATH_CHARACTERS = 4096
 _MAX_SHOWN = 60
 _MOST_NAMES = 1000
 OUT_OF_THE_BUNDLE = "leads out of the bundle; put the file into it and name it by a relative path"
+_OF_WINDOWS = (
+    "is a path of Windows; put the file beside the scene and name it by a relative path, with /"
+)
 
 
 class Tree(Protocol):
@@ -106,6 +109,11 @@ def is_absolute(reference: str) -> bool:
     return reference[:1] in ("/", "\\") or (reference[:1].isalpha() and reference[1:2] == ":")
 
 
+def why_outside(tree: Tree, reference: str) -> str:
+    """Return why an absolute reference, or one that goes up too far, leads nowhere; what to do."""
+    return _OF_WINDOWS if "\\" in reference or reference[1:2] == ":" else tree.outside
+
+
 def leaves_upwards(reference: str) -> bool:
     """Return whether a reference has a `..` component, on any operating system."""
     return ".." in reference.replace("\\", "/").split("/")
@@ -182,7 +190,7 @@ def suggestion(tree: Tree, bases: Sequence[Parts], reference: str) -> str:
         else:
             break
     else:
-        return ""
+        return "; write / between folders" if "\\" in reference else ""
     name = "/".join(meant)
     if unicodedata.normalize("NFC", name) == unicodedata.normalize("NFC", reference):
         return (

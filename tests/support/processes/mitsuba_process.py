@@ -163,3 +163,8 @@ def add_clock() -> None:
 def resident_bytes() -> int:
     """The memory that the process has in use."""
     return psutil.Process().memory_info().rss
+
+
+def why_black(is_whole: bool) -> str:
+    """Why a film of the loaded scene is black, one of the whole frame or of some zones."""
+    return _renderer.why_black(is_whole=is_whole)

@@ -8,6 +8,7 @@ numbers. Trials showed that the parser crashes on None, so each value is checked
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import os
 from collections.abc import Iterator, Mapping
@@ -54,7 +55,9 @@ def write_scene_dict(scene: Mapping[str, Any], folder: Path) -> Path:
         message names its place.
     """
     if scene.get("type") != "scene":
-        raise _unwritable("the dict", f"has the type {scene.get('type')!r}, not 'scene'")
+        raise _unwritable(
+            "the dict", f"has the type {scene.get('type')!r}, not 'scene'; give it 'type': 'scene'"
+        )
     if mi.variant() is None:  # Mitsuba has no classes without one
         mi.set_variant("scalar_rgb")
     (made := folder / "made").mkdir()
@@ -90,7 +93,11 @@ def _resources(where: str, node: Mapping[str, Any]) -> Iterator[Path]:
 
 def _check_plugins(where: str, node: Mapping[str, Any]) -> None:
     """Say which plugin of a dict Mitsuba does not have, if it is that which it refuses."""
-    plugin, known = str(node.get("type")), known_plugins()
+    if "type" not in node:
+        near = difflib.get_close_matches("type", node, n=1)
+        meant = f" instead of {near[0]!r}" if near else ""
+        raise _unwritable(where, f"has no 'type': give it one{meant}")
+    plugin, known = str(node["type"]), known_plugins()
     if known and plugin not in known and plugin not in _NO_PLUGINS:
         raise _unwritable(
             where, f"has the type {plugin!r}, which Mitsuba does not have{guess(plugin, known)}"
@@ -174,8 +181,11 @@ class _Files:
         found = str(_FILES().resolve(name))
         if not Path(found).exists():
             folders = ", ".join(map(str, (*self._resources, Path.cwd())))
+            slash = "; write / between folders" if "\\" in name else ""
             raise BundleError(
-                "missing-file", f"{where} names {name!r}, which is in none of {folders}"
+                "missing-file",
+                f"{where} names {name!r}, which is not in {folders}: put it there, or give its "
+                f"whole path{slash}",
             )
         return found
 

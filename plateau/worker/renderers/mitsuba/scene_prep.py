@@ -53,6 +53,7 @@ _OUR_FRAMES = 2
 #: In what Mitsuba says where its C++ has no memory.
 _OUT_OF_MEMORY: Final = "std::bad_alloc"
 
+_UNKNOWN_PROPERTY: Final = "unreferenced propert"
 _OF_PLUGIN: Final = re.compile(r'plugin of type "(\w+)"')
 _MOST_LOG_BYTES: Final = 2**24
 _MOST_WARNINGS: Final = 5
@@ -120,12 +121,12 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     _build_hierarchies_alone()
     with _log() as said, scene_errors(folder), _threads(request.threads):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
-        mi.parser.transform_all(config, state)
-        notes = adapt(variant, list(state.nodes))
         try:
+            mi.parser.transform_all(config, state)
+            notes = adapt(variant, list(state.nodes))
             scene = mi.parser.instantiate(config, state)
         except RuntimeError as error:
-            raise RuntimeError(_with_file(str(error), list(state.nodes), said())) from error
+            raise RuntimeError(_explained(str(error), state, said())) from error
         warned = warnings_in(without_folders(said(), [folder]))[:_MOST_WARNINGS]
     return _check(
         variant, scene, request, (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
@@ -192,6 +193,32 @@ def _log() -> Iterator[Callable[[], str]]:
             os.ftruncate(words, begin)
             os.lseek(words, 0, os.SEEK_END)
         print(left, end="", flush=True)
+
+
+def _explained(message: str, state: Any, log: str) -> str:
+    """Return an error of Mitsuba's with what it does not say: the node, its file, what to do."""
+    nodes = list(state.nodes)
+    for index, node in enumerate(nodes[1:], 1):
+        place = mi.parser.file_location(state, node)
+        if place in message:
+            message = message.replace(place, f"{place}, {_path_to(index, nodes)}")
+            break
+    if _UNKNOWN_PROPERTY in message:
+        message += "\nThe plugin knows no such property: correct its name, or delete it."
+    return _with_file(message, nodes, log)
+
+
+def _path_to(index: int, nodes: Sequence[Any]) -> str:
+    """Return a node's names from the scene down, or its type where it has no name: ball.bsdf."""
+    node = nodes[index]
+    for above, parent in enumerate(nodes):
+        for key in parent.props.keys():  # noqa: SIM118 - a Mitsuba object, and no mapping
+            value = parent.props[key]
+            if isinstance(value, mi.Properties.ResolvedReference) and value.index() == index:
+                name = node.props.id() or ("" if key.startswith("_arg") else key)
+                path = f"{_path_to(above, nodes)}." if above else ""
+                return path + (name or node.props.plugin_name())
+    return str(node.props.plugin_name())
 
 
 def _with_file(message: str, nodes: Sequence[Any], log: str) -> str:
