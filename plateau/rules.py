@@ -152,6 +152,8 @@ class StoppingRule:
     unit: ClassVar[str] = ""
     #: Whether that is the quality by ColorVideoVDP: jobs with the rule have a map of it.
     by_quality: ClassVar[bool] = False
+    #: Whether that is an error, which falls by powers of ten, as a plot shows it.
+    is_error: ClassVar[bool] = False
     #: Whether it needs four independent parts of the slices: of whole frames, as rendered.
     by_quarters: ClassVar[bool] = False
     #: The fewest pixels across and down of an image that it can judge.

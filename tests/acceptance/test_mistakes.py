@@ -115,7 +115,7 @@ def _said(scene: dict[str, Any], farm: str | None) -> str:
     import plateau as package
 
     try:
-        package.render(scene, farm=farm, rule="fixed:spp=32", step=32, progress=False)
+        package.render(scene, farm=farm, max_spp=100, progress=False)
     except (BundleError, PlateauError) as error:
         return str(error)
     return "nothing"

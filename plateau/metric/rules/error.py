@@ -55,6 +55,7 @@ class ErrorRule(Rule):
     """
 
     by_quarters: ClassVar[bool] = True
+    is_error: ClassVar[bool] = True
     #: The error in the rule's unit is this power of the squared one.
     power: ClassVar[float] = 0.5
 
@@ -174,6 +175,7 @@ class Psnr(ErrorRule):
     order: ClassVar[int] = 12
     quantity: ClassVar[str] = "PSNR"
     unit: ClassVar[str] = "dB"
+    is_error: ClassVar[bool] = False
 
     target: float = _target(40.0, 5.0, 120.0, "dB", "the PSNR of the displayed image in dB")
 

@@ -165,6 +165,6 @@ def resident_bytes() -> int:
     return psutil.Process().memory_info().rss
 
 
-def why_black(is_whole: bool) -> str:
-    """Why a film of the loaded scene is black, one of the whole frame or of some zones."""
-    return _renderer.why_black(is_whole=is_whole)
+def why_black(*zones: Zone) -> str:
+    """Why a film of the loaded scene, or of these zones, is black."""
+    return _renderer.why_black(zones)

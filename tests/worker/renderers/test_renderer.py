@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.slices.zones import Zone
 from plateau.worker.renderers.contract import SceneError
 from tests.support import long_tests
 from tests.support.long_tests import rare
@@ -371,11 +372,13 @@ class TestRefusals:
     def test_a_frame_that_nothing_lights_but_no_zone_and_no_aov_of_it(self, mitsuba, tmp_path):
         dark = _scene(tmp_path, ('<emitter type="constant"/>', ""))
         mitsuba.load(dark)
-        with pytest.raises(SceneError, match="is black: the scene has no emitter; add one"):
-            mitsuba.call(mitsuba_process.why_black, True)
-        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black, False)
+        left, right = Zone(0, 0, 16, 16), Zone(16, 0, 8, 16)
+        for whole in ((), (left, right)):
+            with pytest.raises(SceneError, match="is black: the scene has no emitter; add one"):
+                mitsuba.call(mitsuba_process.why_black, *whole)
+        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black, left)
         mitsuba.load(dark, aovs=("albedo",))
-        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black, True)
+        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black)
 
 
 def test_a_scene_is_freed_when_the_next_is_loaded(mitsuba):

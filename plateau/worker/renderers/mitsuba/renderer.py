@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from plateau.farm.model.slices.zones import pixels_of
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
@@ -101,11 +102,12 @@ class Renderer:
                 return
             yield _rendered(self._prepared, spp, seed)
 
-    def why_black(self, *, is_whole: bool) -> str:
+    def why_black(self, zones: Sequence[Zone]) -> str:
         """Return why a film of the loaded scene is black; see `KnowsBlack`."""
         assert self._prepared is not None
         one = self._prepared
         # A zone may be black beside one that is not: a depth is no light, and volumes may shine.
+        is_whole = not zones or pixels_of(zones) == one.width * one.height
         if is_whole and not one.channels.aovs and not one.scene.emitters():
             raise SceneError(f"the image is black: {NO_EMITTER}")
         return why_black(one.scene, one.sensor)

@@ -3,7 +3,7 @@
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
-import { colours, compact } from "./axes.js";
+import { colours, compact, marked } from "./axes.js";
 import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { told } from "./point_words.js";
 // @ts-types="../../vendor/uPlot.d.ts"
@@ -13,6 +13,8 @@ import uPlot from "../../vendor/uPlot.esm.js";
 /** @typedef {(ChangedPanel | NoiseLeftPanel | ValuePanel)[]} Panels */
 
 const AXIS_PX = 58;
+/** Heights of the first plot and of the others. */
+const FIRST_PX = 250, OTHER_PX = 190;
 
 export class CurveChart {
   // `show` sets it before anything else reads it.
@@ -91,7 +93,7 @@ export class CurveChart {
   }
 
   /**
-   * The panels of rules with values of their own, once the job is known.
+   * The panels of rules with values of their own, once the job is known; what ends the job comes first.
    * @param {Api.JobView} job
    */
   #addPanels(job) {
@@ -99,6 +101,10 @@ export class CurveChart {
       this.#panels.push(panel);
       this.#host.append(panel.title, panel.box);
     }
+    if (rulesWithValues(job)[0]?.name !== job.spec.rule.name) return;
+    const [own] = this.#panels.splice(2, 1);
+    this.#panels.unshift(own);
+    this.#host.prepend(own.title, own.box);
   }
 
   /**
@@ -108,26 +114,32 @@ export class CurveChart {
    * @returns {uPlot.Options}
    */
   #options(panel, theme, sync) {
-    const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
+    const axis = { stroke: theme.ink, ticks: { show: false }, font: theme.font };
+    /** @param {boolean} logarithmic */
+    const marks = (logarithmic) => {
+      const filter = logarithmic ? { filter: marked } : {};
+      return { ...filter, grid: { stroke: theme.grid, width: 1, ...filter } };
+    };
+    const isFirst = panel === this.#panels[0];
     /** @type {uPlot.Axis.DynamicValues} */
     const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
     return {
-      width: Math.max(200, this.#host.clientWidth), height: panel.height, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
+      width: Math.max(200, this.#host.clientWidth), height: isFirst ? FIRST_PX : OTHER_PX, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
       legend: { show: false },
       scales: {
         x: { time: false, auto: false, distr: this.#logX.checked ? 3 : 1 },
         y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
-        { ...axis, values: short, space: 60, size: 30 },
-        { ...axis, values: short, size: AXIS_PX },
+        { ...axis, ...marks(this.#logX.checked), values: short, space: 60, size: 30 },
+        { ...axis, ...marks(panel.logarithmic), values: short, size: AXIS_PX },
       ],
       cursor: {
         sync: { key: sync.key, setSeries: false }, drag: { x: false, y: false }, focus: { prox: 1e6 },
         points: { size: 9 }, bind: { dblclick: () => null },
       },
       hooks: {
-        draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme)],
+        draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme, isFirst)],
         setCursor: [(plot) => this.#read(plot.cursor.idx)],
       },
     };

@@ -17,12 +17,8 @@ class Panel {
   box = h("div", { class: "plot" });
   title = h("p", { class: "plot-title" });
 
-  /**
-   * @param {number} height - in CSS pixels
-   * @param {boolean} logarithmic - of its values' axis
-   */
-  constructor(height, logarithmic) {
-    this.height = height;
+  /** @param {boolean} logarithmic - of its values' axis */
+  constructor(logarithmic) {
     this.logarithmic = logarithmic;
   }
 
@@ -49,7 +45,7 @@ export class ChangedPanel extends Panel {
   #slope = h("span", { class: "slope" });
 
   constructor() {
-    super(250, false);
+    super(false);
     this.title.append(h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope);
   }
 
@@ -77,9 +73,9 @@ export class ChangedPanel extends Panel {
     return fromZero;
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, true);
+  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
+  draw(plot, job, points, theme, named) {
+    drawStops(plot, stopsOf(job, points), theme, named);
   }
 
   /** @param {Api.JobView} job @param {Points} points */
@@ -97,7 +93,7 @@ export class NoiseLeftPanel extends Panel {
   #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
 
   constructor() {
-    super(200, true);
+    super(true);
     this.title.append(h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers", this.#undenoised);
   }
 
@@ -120,12 +116,12 @@ export class NoiseLeftPanel extends Panel {
 
   /** @param {Api.JobView} job @returns {Range} */
   range(job) {
-    return decades(targetOf(job));
+    return decades(targetOf(job), 0.1);
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, false);
+  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
+  draw(plot, job, points, theme, named) {
+    drawStops(plot, stopsOf(job, points), theme, named);
     drawLevel(plot, targetOf(job), theme);
   }
 
@@ -141,10 +137,11 @@ export class ValuePanel extends Panel {
 
   /** @param {Api.JobSpec["rule"]} rule */
   constructor(rule) {
-    super(170, false);
+    super(ruleNamed(rule.name)?.is_error ?? false);
     this.#rule = rule;
     const { quantity = "", unit = "" } = ruleNamed(rule.name) ?? {};
-    this.title.append(h("b", {}, `${quantity.charAt(0).toUpperCase()}${quantity.slice(1)}`), ` in ${unit}, by the rule ${rule.name}`);
+    this.title.append(h("b", {}, `${quantity.charAt(0).toUpperCase()}${quantity.slice(1)}`),
+      ` ${unit.startsWith("of ") ? "" : "in "}${unit}, by the rule ${rule.name}`);
   }
 
   /** @param {Theme} theme @returns {uPlot.Series[]} */
@@ -159,12 +156,12 @@ export class ValuePanel extends Panel {
 
   /** @returns {Range} */
   range(/** @type {Api.JobView} */ _job) {
-    return around(valueIn("value_target", this.#rule));
+    return (this.logarithmic ? decades : around)(valueIn("value_target", this.#rule));
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, false);
+  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
+  draw(plot, job, points, theme, named) {
+    drawStops(plot, stopsOf(job, points), theme, named);
     drawLevel(plot, valueIn("value_target", this.#rule), theme);
   }
 
