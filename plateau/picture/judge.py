@@ -88,7 +88,6 @@ class Judge:
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
         self._focus = spec.view.focus
-        self._waits_for_noise = spec.noise_target is not None
         self._target = spec.noise_target or create_rule(NOISE).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -128,14 +127,13 @@ class Judge:
                     chosen_by, self._target, plan, merge.zone_spp, quality_target=quality
                 )
                 decided, forecast_spp = allotted.round, allotted.forecast_spp
-            elif self._waits_for_noise:
+            elif self._rules[self._own].noise_target is not None:
                 forecast_spp = evidence.forecast(self._target)
         point = {
             **of_merge(merge),
             **curve,
             **of_estimate(estimate),
             **({} if denoised is None or flaw else of_denoising(evidence, raw, self._target)),
-            "forecast_spp": forecast_spp if self._waits_for_noise else None,
             # By the image alone, so that it does not depend on which monitor judged those before.
             "expected_spp": self._expected_spp(forecast_spp),
             "rules": {

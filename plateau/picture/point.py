@@ -42,7 +42,6 @@ def of_denoising(evidence: Evidence, raw: Evidence, target: float | None) -> dic
     return {
         "estimate_undetermined": not evidence.estimate.is_determined(allowed),
         "raw_estimate_pixels": raw.estimate.pixels,
-        "raw_estimate_fraction": raw.estimate.fraction,
     }
 
 

@@ -31,7 +31,6 @@ class Progress(ABC):
         self._job: JobView | None = None
         self._points: list[CurvePoint] = []
         self._slices: deque[tuple[datetime, int]] = deque()  # when committed, and its samples
-        self._noted: set[str] = set()
 
     def __enter__(self) -> "Progress":
         return self
@@ -41,11 +40,11 @@ class Progress(ABC):
 
     def job(self, job: JobView) -> None:
         """Show the current state of the job, and each of its notes once."""
+        known = () if self._job is None else self._job.notes
         self._job = job
         for note in job.notes:
-            if note not in self._noted:
+            if note not in known:
                 self.note(f"note: {note}")
-                self._noted.add(note)
         self.refresh()
 
     def event(self, event: Event) -> None:

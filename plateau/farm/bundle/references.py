@@ -5,15 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from plateau.farm.bundle.limits import BundleError, shown
-from plateau.farm.bundle.tree import (
-    EntryKind,
-    EscapeError,
-    Parts,
-    Tree,
-    find,
-    suggestion,
-    why_outside,
-)
+from plateau.farm.bundle.tree import EntryKind, EscapeError, Parts, Tree, find, suggestion
 from plateau.farm.bundle.xml import XmlBudget
 
 Role = Literal["include", "file", "folder"]
@@ -70,10 +62,10 @@ class References:
         """Return where a reference leads; `BundleError` where nothing of the role is there."""
         try:
             found = find(self._tree, folders, text)
-        except EscapeError:
+        except EscapeError as error:
             raise BundleError(
                 "path-escape",
-                f"{shown(text)} {why_outside(self._tree, text)}",
+                f"{shown(text)} {str(error) or self._tree.outside}",
                 file=file,
                 line=line,
             ) from None

@@ -101,17 +101,12 @@ class Found:
 
 
 class EscapeError(Exception):
-    """A reference leaves the tree."""
+    """A reference leaves the tree; says why and what to do, where the tree's `outside` does not."""
 
 
 def is_absolute(reference: str) -> bool:
     """Return whether a reference starts at a root or a drive, on any operating system."""
     return reference[:1] in ("/", "\\") or (reference[:1].isalpha() and reference[1:2] == ":")
-
-
-def why_outside(tree: Tree, reference: str) -> str:
-    """Return why an absolute reference, or one that goes up too far, leads nowhere; what to do."""
-    return _OF_WINDOWS if "\\" in reference or reference[1:2] == ":" else tree.outside
 
 
 def leaves_upwards(reference: str) -> bool:
@@ -134,7 +129,7 @@ def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
     if absolute is not None:
         return Found(absolute, tree.kind(absolute), frozenset(), lookups=1)
     if is_absolute(reference):
-        raise EscapeError
+        raise EscapeError("" if reference.startswith("/") else _OF_WINDOWS)
     if len(reference) > _MAX_PATH_CHARACTERS:
         return Found(None, None, frozenset(), lookups=1)
     components = [part for part in reference.split("/") if part not in ("", ".")]

@@ -210,34 +210,22 @@ def test_what_is_not_there_is_said_so(visit: Visit) -> None:
     expect(page.get_by_role("heading", name="Jobs", exact=True)).to_be_visible()
 
 
-def test_the_curve_has_a_plot_of_the_values_of_a_rule_with_its_own(
-    visit: Visit, client: redis.Redis
-) -> None:
-    job = StagedJob(client, watch=[{"name": "jod", "target": 9.5}])
-    job.commit(8)
-    for spp, jod in ((100, None), (200, 9.1)):
-        job.point(spp, 9, rules={"jod": {"value": jod, "stop": False}})
-    page = visit(f"/jobs/{job.id}", expected={404}).page
-    expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
-    expect(page.locator(".plot canvas")).to_have_count(3)
-    page.locator(".plots").focus()
-    page.keyboard.press("End")
-    expect(page.locator(".readout")).to_contain_text("quality 9.1 JOD")
-
-
-def test_what_ends_a_job_is_its_first_plot_and_an_error_falls_on_a_logarithmic_axis(
+def test_what_ends_a_job_is_its_first_plot_and_an_error_is_on_a_logarithmic_axis(
     visit: Visit, client: redis.Redis
 ) -> None:
     job = StagedJob(client, rule={"name": "rmse", "target": 0.01}, watch=[{"name": "jod"}])
     job.commit(8)
-    for spp, error in ((100, 0.4), (200, 0.02)):
-        rules = {"rmse": {"value": error, "stop": False}, "jod": {"value": 9, "stop": False}}
+    for spp, error, jod in ((100, 0.4, None), (200, 0.02, 9.1)):
+        rules = {"rmse": {"value": error, "stop": False}, "jod": {"value": jod, "stop": False}}
         job.point(spp, 9, rules=rules)
     page = visit(f"/jobs/{job.id}", expected={404}).page
     expect(page.locator(".plot-title").first).to_have_text("RMSE in radiance, by the rule rmse")
     expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
+    expect(page.locator(".plot canvas")).to_have_count(4)
+    page.locator(".plots").focus()
+    page.keyboard.press("End")
+    expect(page.locator(".readout")).to_contain_text("quality 9.1 JOD")
     kinds = """async () => {
-      await (await import("/page/shared/rules.js")).meetRules(new AbortController().signal);
       const { ValuePanel } = await import("/page/job/curve/panels.js");
       return ["rmse", "psnr", "jod"].map((name) => new ValuePanel({ name }).logarithmic);
     }"""

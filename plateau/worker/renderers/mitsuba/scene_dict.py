@@ -8,7 +8,6 @@ numbers. Trials showed that the parser crashes on None, so each value is checked
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import os
 from collections.abc import Iterator, Mapping
@@ -94,9 +93,7 @@ def _resources(where: str, node: Mapping[str, Any]) -> Iterator[Path]:
 def _check_plugins(where: str, node: Mapping[str, Any]) -> None:
     """Say which plugin of a dict Mitsuba does not have, if it is that which it refuses."""
     if "type" not in node:
-        near = difflib.get_close_matches("type", node, n=1)
-        meant = f" instead of {near[0]!r}" if near else ""
-        raise _unwritable(where, f"has no 'type': give it one{meant}")
+        raise _unwritable(where, f"has no 'type'; it has {', '.join(map(repr, node))}")
     plugin, known = str(node["type"]), known_plugins()
     if known and plugin not in known and plugin not in _NO_PLUGINS:
         raise _unwritable(

@@ -3,6 +3,7 @@
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
+import { ruleNamed } from "../../shared/rules.js";
 import { colours, compact, marked } from "./axes.js";
 import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { told } from "./point_words.js";
@@ -26,7 +27,7 @@ export class CurveChart {
   /** @type {number | null} */
   #at = null;
   /** @type {Panels} */
-  #panels = [new ChangedPanel(), new NoiseLeftPanel()];
+  #panels = [];
   #readout = h("p", { class: "readout" });
   #drawn = "";
   #logX = h("input", { type: "checkbox", onchange: () => this.#build() });
@@ -40,7 +41,7 @@ export class CurveChart {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right select a point.",
       onkeydown: (event) => this.#key(event),
-    }, this.#panels.flatMap(({ title, box }) => [title, box]));
+    });
     this.#full = h("div", { hidden: true },
       h("label", { class: "toggle" }, this.#logX, "Logarithmic spp"),
       this.#host, this.#readout);
@@ -93,18 +94,14 @@ export class CurveChart {
   }
 
   /**
-   * The panels of rules with values of their own, once the job is known; what ends the job comes first.
+   * The panels, once the job is known; what ends the job comes first.
    * @param {Api.JobView} job
    */
   #addPanels(job) {
-    for (const panel of rulesWithValues(job).map((rule) => new ValuePanel(rule))) {
-      this.#panels.push(panel);
-      this.#host.append(panel.title, panel.box);
-    }
-    if (rulesWithValues(job)[0]?.name !== job.spec.rule.name) return;
-    const [own] = this.#panels.splice(2, 1);
-    this.#panels.unshift(own);
-    this.#host.prepend(own.title, own.box);
+    const values = rulesWithValues(job).map((rule) => new ValuePanel(rule));
+    const own = ruleNamed(job.spec.rule.name)?.quantity ? values.splice(0, 1) : [];
+    this.#panels = [...own, new ChangedPanel(), new NoiseLeftPanel(), ...values];
+    this.#host.append(...this.#panels.flatMap(({ title, box }) => [title, box]));
   }
 
   /**

@@ -27,6 +27,17 @@ class Panel {
     return [];
   }
 
+  /** The value at which the job's rule stops it. @returns {number | null} */
+  target(/** @type {Api.JobView} */ _job) {
+    return null;
+  }
+
+  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
+  draw(plot, job, points, theme, named) {
+    drawStops(plot, stopsOf(job, points), theme, named);
+    drawLevel(plot, this.target(job), theme);
+  }
+
   /**
    * The values, without those that a logarithmic axis cannot show.
    * @param {Points} points
@@ -73,11 +84,6 @@ export class ChangedPanel extends Panel {
     return fromZero;
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
-  draw(plot, job, points, theme, named) {
-    drawStops(plot, stopsOf(job, points), theme, named);
-  }
-
   /** @param {Api.JobView} job @param {Points} points */
   words(job, points) {
     const { slope } = points[points.length - 1];
@@ -114,15 +120,16 @@ export class NoiseLeftPanel extends Panel {
       this.column(points, (point) => point.estimate_high_pixels), this.column(points, (point) => point.raw_estimate_pixels)];
   }
 
-  /** @param {Api.JobView} job @returns {Range} */
-  range(job) {
-    return decades(targetOf(job), 0.1);
+  /** @override @param {Api.JobView} job */
+  target(job) {
+    const rule = ruleWith("noise_target", job);
+    const target = rule ? valueIn("noise_target", rule) : null;
+    return target === null ? null : target * imagePixels(job);
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
-  draw(plot, job, points, theme, named) {
-    drawStops(plot, stopsOf(job, points), theme, named);
-    drawLevel(plot, targetOf(job), theme);
+  /** @param {Api.JobView} job @returns {Range} */
+  range(job) {
+    return decades(this.target(job), 0.1);
   }
 
   /** @param {Api.JobView} job */
@@ -154,15 +161,14 @@ export class ValuePanel extends Panel {
     return [this.column(points, (point) => point.rules[this.#rule.name]?.value)];
   }
 
-  /** @returns {Range} */
-  range(/** @type {Api.JobView} */ _job) {
-    return (this.logarithmic ? decades : around)(valueIn("value_target", this.#rule));
+  /** @override */
+  target(/** @type {Api.JobView} */ _job) {
+    return valueIn("value_target", this.#rule);
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
-  draw(plot, job, points, theme, named) {
-    drawStops(plot, stopsOf(job, points), theme, named);
-    drawLevel(plot, valueIn("value_target", this.#rule), theme);
+  /** @param {Api.JobView} job @returns {Range} */
+  range(job) {
+    return (this.logarithmic ? decades : around)(this.target(job));
   }
 
   words() {} // its title says all
@@ -174,13 +180,6 @@ export class ValuePanel extends Panel {
  */
 export function rulesWithValues(job) {
   return rulesOf(job).filter(({ name }) => ruleNamed(name)?.quantity);
-}
-
-/** @param {Api.JobView} job */
-function targetOf(job) {
-  const rule = ruleWith("noise_target", job);
-  const target = rule ? valueIn("noise_target", rule) : null;
-  return target === null ? null : target * imagePixels(job);
 }
 
 /**
