@@ -9,6 +9,7 @@ import pytest
 
 from plateau.errors import PlateauError
 from plateau.farm.bundle import BundleError
+from plateau.rendering import own_farm
 from tests.support.farms.real_farm import RealFarm
 from tests.support.processes.commands import plateau
 from tests.support.processes.mitsuba_process import MitsubaProcess
@@ -143,6 +144,7 @@ def test_in_a_file(
     (tmp_path / "art" / "oak.png").touch()
     (tmp_path / "art" / "sky.xml").touch()
     monkeypatch.setenv("PLATEAU_URL", shared_farm.url)
+    monkeypatch.setattr(own_farm, "render_alone", None)  # nothing is started for it
     code, _, said = plateau(command, str(tmp_path / "scene.xml"))
     assert (code, len(said.splitlines())) == (1, 1)
     assert re.search(says, said), said
@@ -155,11 +157,12 @@ def test_in_a_dict(staffed: RealFarm, python: MitsubaProcess, mistake: str) -> N
     assert re.search(says, said), said
 
 
-def test_samples_of_the_scene_are_no_mistake_but_a_note(staffed: RealFarm, tmp_path: Path) -> None:
+def test_samples_of_the_scene_are_no_mistake_but_a_note(
+    staffed: RealFarm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PLATEAU_URL", staffed.url)
     (tmp_path / "scene.xml").write_text(XML.replace("<film", f"{SAMPLER}<film"))
-    done = staffed.client.wait(staffed.submit(tmp_path / "scene.xml", step=32, max_spp=32).id)
-    assert done.state == "exhausted"
-    assert any(
-        "sample_count of 64 was ignored" in note and "'fixed' renders as many" in note
-        for note in done.notes
-    )
+    job = staffed.submit(tmp_path / "scene.xml", step=32, max_spp=32)
+    _, _, said = plateau("watch", job.id)
+    assert said.count("note: the sampler's sample_count of 64 was ignored") == 1
+    assert "'fixed' renders as many as you ask for" in said
