@@ -22,7 +22,7 @@ def repeat(stream: IO[bytes]) -> bytes:
     if words == b"sleep":
         time.sleep(60)
     if words == b"numpy":
-        import numpy  # noqa: F401
+        import numpy as np  # noqa: F401
 
         return str(psutil.Process().num_threads()).encode()
     return words
