@@ -49,10 +49,8 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     """
     settings = read_settings()
     check_ground(settings, caches=True, has_redis=True)
-    parameters, limits = (
-        spec.parameter_strings(),
-        BundleLimits(plugins=known_plugins(settings.plugins)),
-    )
+    parameters = spec.parameter_strings()
+    limits = BundleLimits(plugins=known_plugins(settings.plugins))
     with pack(scene, parameters) as packed:
         found = inspect_bundle(
             packed.file, parameters=parameters, sensor=spec.sensor, limits=limits

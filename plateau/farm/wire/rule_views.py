@@ -73,9 +73,7 @@ class RuleView(BaseModel):
         description="whether they are the quality by ColorVideoVDP; a job with the rule has "
         "quality.png"
     )
-    is_error: bool = Field(
-        description="whether they are an error: for a plot with a logarithmic axis"
-    )
+    is_error: bool = Field(description="whether they are an error, for a logarithmic axis")
     parameters: list[ParameterView]
 
 

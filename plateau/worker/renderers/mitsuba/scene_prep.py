@@ -51,7 +51,6 @@ _OUR_FRAMES = 2
 #: In what Mitsuba says where its C++ has no memory.
 _OUT_OF_MEMORY: Final = "std::bad_alloc"
 
-_UNKNOWN_PROPERTY: Final = "unreferenced propert"
 _MOST_LOG_BYTES: Final = 2**24
 _MOST_WARNINGS: Final = 5
 
@@ -202,7 +201,7 @@ def _explained(message: str, state: Any) -> str:
             file = Path(str(node.props.get("filename", ""))).name
             message += f" ({file})" if file not in message else ""
             break
-    if _UNKNOWN_PROPERTY in message:
+    if "unreferenced propert" in message:
         message += "\nThe plugin knows no such property: correct its name, or delete it."
     return message
 
