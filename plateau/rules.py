@@ -159,7 +159,7 @@ class StoppingRule:
     #: The fewest pixels across and down of an image that it can judge.
     least_side: ClassVar[int] = 1
     #: The spp at which it foresees by itself that its target is reached, by the last image.
-    _foreseen_spp: int | None = field(default=None, init=False, repr=False, compare=False)
+    foreseen_spp: int | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -230,7 +230,7 @@ class StoppingRule:
         end_spp = self.value_of(ParameterRole.END_SPP)
         if end_spp is not None:
             return int(end_spp)
-        expected = self._foreseen_spp or (
+        expected = self.foreseen_spp or (
             crossing_spp if self.noise_target is None else forecast_spp
         )
         return None if expected is None else max(expected, self.least_spp)

@@ -65,7 +65,7 @@ class ErrorRule(Rule):
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is surely reached; the value is the error."""
-        self._foreseen_spp = None
+        self.foreseen_spp = None
         if evidence.quarters is None or not evidence.quarters.have_light:
             dark = "no light has been found yet: the image is black"
             few = "there are no four slices yet to compare"
@@ -74,7 +74,7 @@ class ErrorRule(Rule):
         reading = self._reading(error)
         growth = self._growth(reading.sure)
         if growth * evidence.spp < MOST_SPP:
-            self._foreseen_spp = math.ceil(max(growth, 1) * evidence.spp)
+            self.foreseen_spp = math.ceil(max(growth, 1) * evidence.spp)
         return Verdict(
             stop=growth <= 1 and evidence.spp >= self.min_spp,
             value=reading.value,

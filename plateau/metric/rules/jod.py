@@ -84,7 +84,7 @@ class Jod(Rule):
         quality = evidence.quality
         at_least = self._at_least(evidence.spp)
         self._before = evidence.spp, None if quality is None else _BEST - quality.low_jod
-        self._foreseen_spp = evidence.quality_forecast(self.target)
+        self.foreseen_spp = evidence.quality_forecast(self.target)
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
