@@ -115,7 +115,7 @@ def forecast_from(
     for _ in range(MOST_EVALUATIONS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
-        excess = _over(model.count(difference), allowed)
+        excess = _over(difference.finite_count, allowed)
         if excess > 0 and place == furthest:
             return None
         search.add((place, excess))
