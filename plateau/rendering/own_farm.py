@@ -30,9 +30,6 @@ _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
-COMPILING: Final = (
-    "the model of vision is compiled, once on this machine: the first figures take half a minute"
-)
 
 _Fetched = TypeVar("_Fetched")
 
@@ -163,7 +160,7 @@ def _run(
 
     job = client.submit(scene, spec)
     if not are_compiled():
-        shown.note(COMPILING)
+        shown.note("compiling the model of vision, once on this machine: it takes half a minute")
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
 
     def tick() -> None:
