@@ -65,7 +65,8 @@ def get_picture_png(
 ) -> Response:
     """Show a picture of the merged image, or a map of it."""
     if picture not in _PICTURES:
-        raise Problem(problems.UNKNOWN_PATH, path=f"/v1/jobs/{job_id}/{picture}.png")
+        path = f"/v1/jobs/{job_id}/{picture}.png"
+        raise Problem(problems.UNKNOWN_PATH, path=path)
     return _image(f"{picture}.png", PNG, job_id, farm, has)
 
 
