@@ -151,7 +151,7 @@ def main() -> None:
         farm.submit(SCENES / "plants", step=50, max_spp=3000, parameters=SIZE)
         take_all(browser, farm, converged=box.id, rendering=bar.id)
         take_study(browser, farm, job=box.id, reference=truth.id)
-        for job in farm.client.jobs().jobs:
+        for job in farm.client.all_jobs():
             if not job.state.ended:
                 farm.client.cancel(job.id)
 

@@ -137,7 +137,7 @@ def test_a_process_that_dies_is_started_again(service: Command, name: str) -> No
     service.wait_for(f"{name} was ended by SIGKILL; starting it again")
     until(lambda: len(service.family()) == FAMILY, 60)
     with Client(url) as client:  # the API has its port again
-        assert client.jobs().jobs == []
+        assert list(client.all_jobs()) == []
 
 
 def test_redis_is_started_again_with_all_that_it_had(service: Command, box: Path) -> None:
