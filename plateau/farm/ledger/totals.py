@@ -96,13 +96,6 @@ class Census:
         demand = self.demand_for()
         return {"waiting": demand.waiting, "leased": demand.leased}
 
-    def demand_by_variant(self) -> dict[str, Demand]:
-        """The demand in all pools, by the jobs' variant, "auto" for any."""
-        by_variant: dict[str, list[Demand]] = {}
-        for needed, demand in self.demand.items():
-            by_variant.setdefault(needed.partition(" ")[0], []).append(demand)
-        return {variant: _sum(demands) for variant, demands in by_variant.items()}
-
     def demand_for(
         self,
         variants: Collection[str] = (),

@@ -75,21 +75,6 @@ def _open_work(census: Census) -> Iterator[Metric]:
         census.slices,
         "state",
     )
-    demand = census.demand_by_variant()
-    yield _gauge(
-        "plateau_slices_wanted",
-        "Slices that wait for a worker or are leased to one, by the variant that they need (auto: "
-        "any). As many workers have something to do; autoscalers follow it.",
-        {variant: one.slices for variant, one in demand.items()},
-        "variant",
-    )
-    yield _gauge(
-        "plateau_work_left_seconds",
-        "Seconds that one worker would still take for the open jobs, by the variant that they "
-        "need: by what their slices took, and where they are expected to end.",
-        {variant: one.work_s for variant, one in demand.items()},
-        "variant",
-    )
     yield _gauge(
         "plateau_notices_waiting",
         "Notices of ended jobs that wait for their first or next try.",
