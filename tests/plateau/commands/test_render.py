@@ -124,22 +124,6 @@ def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
     until(lambda: not any(path.exists() for path in left), 120, lambda: again.said)
 
 
-@pytest.mark.long
-def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
-    of_an_earlier_job(tmp_path / "out")
-    faces = b'"rectangle"><integer name="faces" value="12"/></shape>'
-    command = render(text=FLOOR.replace(b'"rectangle"/>', faces))
-    assert command.exit_code(120) == 1
-    left_nothing(command)
-    assert "the job failed" in command.said
-    assert "faces" in command.said
-    assert "Traceback" not in command.said
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["state"], "faces" in summary["reason"]) == ("failed", True)
-    # And no image of an earlier job is beside it
-    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
-
-
 class TestWhatItsOwnWorkersCannotDo:
     """They are there for this job alone: nobody else will come who can."""
 
