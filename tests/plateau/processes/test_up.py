@@ -128,6 +128,7 @@ def test_a_port_that_is_taken_is_said_to_be(service: Command, up: Up, tmp_path: 
         log = (tmp_path / "data" / "logs" / "api.log").read_text()
         assert log.count("cannot listen on 127.0.0.1") == times
         assert second.said.count("cannot listen on 127.0.0.1") == 1
+        assert "give another --port" in second.said
 
 
 @pytest.mark.parametrize("name", ["api", *rare("monitor")])
