@@ -239,7 +239,8 @@ class SharedSpec(Strict):
         """Why `auto` is the frame on this variant; None where it is zones.
 
         Only by the quality zones lose nothing. Kept slices may be compared frame by frame, or
-        judged with another step. The variant `auto` may have zones: its first worker decides.
+        judged with another step. A GPU waits for the judgements of zones longer than it would
+        render their samples. The variant `auto` may have zones: its first worker decides.
         """
         if self.rule.behaviour.quality_target is None or self.by_quarters:
             return "rule"
@@ -247,7 +248,10 @@ class SharedSpec(Strict):
             return "shot"
         if self.keep_slices:
             return "keep_slices"
-        return None if _may_render_zones(variant) else "variant"
+        if not _may_render_zones(variant):
+            return "variant"
+        is_on_gpu = variant != renderers.AUTO and renderers.variant_named(variant).on_gpu
+        return "gpu" if is_on_gpu else None
 
     def settled(self: _Spec, variant: str) -> _Spec:
         """The spec on this variant: what `auto` is there takes its place."""

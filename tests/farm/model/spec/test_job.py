@@ -30,6 +30,7 @@ def test_the_papers_rule_is_not_watched(given: dict[str, Any]) -> None:
         ({}, "llvm_ad_rgb", None),
         ({"denoise": "oidn"}, "analytic:numpy", None),
         ({}, "scalar_rgb", "variant"),
+        ({}, "cuda_ad_rgb", "gpu"),
         ({"rule": "visible"}, "llvm_ad_rgb", "rule"),
         ({"keep_slices": True}, "llvm_ad_rgb", "keep_slices"),
         ({"shot": "24"}, "llvm_ad_rgb", "shot"),
@@ -42,7 +43,7 @@ def test_samples_go_to_zones_where_the_job_can_have_them(
     assert spec.frames_because(variant) == because
     assert spec.settled(variant).allocation.name == ("zones" if because is None else "frame")
     # As long as nobody knows the variant, it may be zones
-    assert spec.by_zones is (because in {None, "variant"})
+    assert spec.by_zones is (because in {None, "variant", "gpu"})
 
 
 @pytest.mark.parametrize(
