@@ -22,7 +22,6 @@ from plateau.metric import (
     Verdict,
     View,
     create_rule,
-    focus_plane,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
@@ -98,7 +97,6 @@ class Judge:
         # Of the last evaluation, each with its spp
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
-        self._focus = spec.view.focus
         self._target = spec.noise_target or create_rule(NOISE).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -183,14 +181,12 @@ class Judge:
 
     def _evidence(self, merge: Merge) -> Evidence:
         image = merge.image()
-        focus = None if self._focus is None else focus_plane(self._focus, *image.shape[:2])
         return Evidence(
             spp=merge.spp,
             image=image,
             halves=merge.halves(),
             quarters=merge.quarters(),
             metric=self._metric,
-            focus=focus,
         )
 
     def _expected_spp(

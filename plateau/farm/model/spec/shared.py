@@ -200,12 +200,6 @@ class SharedSpec(Strict):
             )
         if isinstance(self.allocation, ZonesAllocation):
             self._check_zones()
-        chosen_by_noise = self.by_zones and self.rule.behaviour.quality_target is None
-        if self.view.focus is not None and self.noise_target is None and not chosen_by_noise:
-            raise ValueError(
-                "a focus weighs the noise that is left, for which no rule of the job waits: choose "
-                "the rule visible, or watch it"
-            )
         if self.by_quarters and (self.by_zones or self.is_denoised):
             raise ValueError(
                 "the error of an image is known where it has whole frames, as rendered: choose the "

@@ -51,11 +51,6 @@ def test_samples_go_to_zones_where_the_job_can_have_them(
     [
         ({"seed": 4096}, "seed"),
         ({"watch": [{"name": "jod"}]}, "may be named once"),
-        ({"view": {"focus": [[1, 2], [1]]}}, "same number of weights"),
-        ({"view": {"focus": [[0, 0]]}}, "nobody would look"),
-        ({"view": {"focus": [[1] * 33]}}, "focus"),
-        ({"view": {"focus": [[1, -1]]}}, "focus"),
-        ({"view": {"focus": [[1]]}, "rule": {"name": "fixed"}}, "waits: choose the rule visible"),
     ],
 )
 def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
@@ -83,17 +78,6 @@ def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
     entry = absurd.get("parameters", {"frame": 1})
     with pytest.raises(ValidationError, match=words):
         BatchSpec.model_validate({**absurd, "parameters": [entry]})
-
-
-def test_a_focus_goes_with_whatever_counts_the_noise_left() -> None:
-    focus = {"view": {"focus": [[0.1, 1]]}, "rule": {"name": "fixed"}}
-    zones = {"allocation": {"name": "zones"}}
-    assert JobSpec.model_validate(focus | zones).by_zones
-    with pytest.raises(ValidationError, match="waits: choose the rule visible"):
-        JobSpec.model_validate(focus | zones | {"rule": {"name": "jod"}})
-    assert JobSpec.model_validate(focus | {"watch": [{"name": "visible"}]}).view.focus == (
-        (0.1, 1),
-    )
 
 
 def test_parameters_are_written_as_mitsuba_reads_them() -> None:
