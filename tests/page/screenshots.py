@@ -149,7 +149,7 @@ def main() -> None:
         submit(farm, SCENES / "plants", parameters=SIZE)
         take_all(browser, farm, converged=box.id, rendering=bar.id)
         take_study(browser, farm, job=levels.id, reference=truth.id)
-        for job in farm.client.jobs().jobs:
+        for job in farm.client.all_jobs():
             if not job.state.ended:
                 farm.client.cancel(job.id)
 

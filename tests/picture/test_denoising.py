@@ -19,12 +19,11 @@ from plateau.farm.model.states import JobState
 from plateau.metric import Half, encode_srgb
 from plateau.picture.denoised import DenoisingTask
 from plateau.picture.denoising import child, oidn, process
-from tests.service.api.routes.test_again import go_on, loses
-from tests.service.monitor.test_channels import header
 from tests.support.farms.every_time import save_every_time
-from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
+from tests.support.farms.finished_jobs import finish_by_many_monitors, finished, go_on, loses
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.images import PAPER
+from tests.support.images.plain_exr import header
 from tests.support.images.view_transforms import srgb_transform
 from tests.support.long_tests import rare
 from tests.support.until import until

@@ -16,7 +16,6 @@ import plateau.metric.compiled
 from plateau.metric import kernel_cache
 from plateau.metric.compiled import (
     CompiledVisibleDifferences,
-    arithmetic,
     denoise,
     elevation,
     jit,
@@ -27,33 +26,6 @@ from plateau.metric.compiled import (
 from plateau.metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
 from plateau.metric.kernel_cache import cache_folder
 from plateau.metric.vdp import VisibleDifferences
-
-
-@numba.njit
-def over(function, numbers):
-    out = np.empty_like(numbers)
-    for i in range(numbers.size):
-        out[i] = function(numbers[i])
-    return out
-
-
-def test_log2_is_as_good_as_it_says():
-    x = np.geomspace(1e-37, 3e38, 200_001, dtype=np.float32)
-    exact = np.log2(x.astype(np.float64))
-    error = np.abs(over(arithmetic.log2, x) - exact)
-    assert (error <= 2e-7 + np.spacing(np.abs(exact).astype(np.float32)) / 2).all()
-    assert np.isfinite(over(arithmetic.log2, np.zeros(1, np.float32)))
-
-
-def test_exp2_is_as_good_as_it_says():
-    x = np.linspace(-126, 126, 200_001, dtype=np.float32)
-    np.testing.assert_allclose(over(arithmetic.exp2, x), np.exp2(x.astype(np.float64)), rtol=3e-7)
-
-
-def test_powers_of_two_are_exact():
-    exponents = np.arange(-126, 127, dtype=np.float32)
-    powers = np.exp2(exponents.astype(np.float64)).astype(np.float32)
-    assert np.array_equal(over(arithmetic.log2, powers), exponents)
 
 
 def thresholds(luminance):
@@ -73,19 +45,6 @@ def test_thresholds_are_those_of_numpy(brightest):
     borders = np.array([ROD_LINE_FROM, CONE_CURVE_FROM, CONE_LINE_FROM, -3.94])
     luminance = luminance[np.abs(log_light[:, np.newaxis] - borders).min(axis=1) > 1e-5]
     np.testing.assert_allclose(thresholds(luminance), luminance_threshold(luminance), rtol=3e-6)
-
-
-def test_dark_and_bright_slices_have_one_threshold():
-    # The same luminances, once with a dark neighbour and once without.
-    luminance = np.geomspace(0.04, 1e3, 5000, dtype=np.float32)
-    dark = np.float32([1e-3])
-    with_neighbour = np.empty(luminance.size + 1, np.float32)
-    threshold.per_threshold(np.concatenate([luminance, dark]), with_neighbour, luminance.size + 1)
-    alone = np.empty_like(luminance)
-    threshold.per_threshold(luminance, alone, luminance.size)
-    log_light = np.log10(luminance.astype(np.float64))
-    inside = np.abs(log_light[:, np.newaxis] - [CONE_CURVE_FROM, CONE_LINE_FROM]).min(axis=1) > 1e-5
-    np.testing.assert_allclose(with_neighbour[:-1][inside], alone[inside], rtol=2e-6)
 
 
 LOOPS = [

@@ -12,7 +12,8 @@ from plateau.farm.redis import keys
 from plateau.metric import SAMPLES_PALETTE
 from tests.page.conftest import Visit
 from tests.page.job.conftest import is_shown, png
-from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
+from tests.support.farms.finished_jobs import finished
+from tests.support.farms.lopsided_farm import JOB, LopsidedFarm
 from tests.support.farms.noise_farm import NoiseFarm
 
 STYLE = Path(__file__).parents[3] / "plateau" / "service" / "page" / "job" / "viewer" / "viewer.css"

@@ -24,6 +24,7 @@ from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support import FRAMES
+from tests.support.farms.finished_jobs import go_on, loses
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
@@ -44,21 +45,6 @@ def work(farm: NoiseFarm, job: Job) -> Job:
 def let_it_have_ended(farm: NoiseFarm, job: Job, days_ago: float) -> None:
     redis = farm.jobs._redis
     redis.hset(keys.job(job.id), "finished_at", farm.jobs.now_ms() - round(days_ago * DAY_S * 1000))
-
-
-def go_on(farm: NoiseFarm, job: Job, **changes: Any) -> Job:
-    """The job that goes on with this one."""
-    continuations = Continuations(farm.jobs._redis)
-    remains = continuations.remains(job)
-    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
-    assert lost_by(job, remains, spec) is None
-    return continuations.start(job, remains, spec).job
-
-
-def loses(farm: NoiseFarm, job: Job, **changes: Any) -> str | None:
-    """Why a job with these changes cannot have the samples of this one."""
-    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
-    return lost_by(job, Continuations(farm.jobs._redis).remains(job), spec)
 
 
 def pixels(farm: NoiseFarm, job: Job) -> bytes:
