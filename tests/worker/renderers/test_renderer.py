@@ -316,8 +316,6 @@ class TestFiles:
 
 
 INTEGRATOR = '<integrator type="path"></integrator>'
-BSDF = '<bsdf type="diffuse" id="grey"/>'
-SENSOR = SCENE[SCENE.index("    <sensor") : SCENE.index("    <emitter")]
 
 REFUSALS = {
     "a parameter that the scene does not have": ([], {"depth": "3"}, r"unused.*\$depth=3"),
