@@ -110,7 +110,7 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm, asked: list[Denois
     assert untouched.raw_estimate_pixels is untouched.estimate_undetermined is None
     # By which the rule stopped
     last = farm.jobs.curve(done.id)[-1]
-    assert last.estimate_fraction <= 0.02 < last.raw_estimate_fraction
+    assert last.estimate_fraction <= 0.02 < last.raw_estimate_pixels / (done.width * done.height)
     assert last.estimate_undetermined is done.estimate_undetermined is False
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import plateau.metric.compiled
+from plateau.metric import kernel_cache
 from plateau.metric.compiled import (
     CompiledVisibleDifferences,
-    cache_folder,
     denoise,
     elevation,
     jit,
@@ -24,6 +24,7 @@ from plateau.metric.compiled import (
     threshold,
 )
 from plateau.metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
+from plateau.metric.kernel_cache import cache_folder
 from plateau.metric.vdp import VisibleDifferences
 
 
@@ -120,26 +121,26 @@ class TestTheCache:
         cache_folder.cache_clear()
 
     def test_it_is_where_numba_is_told(self, monkeypatch, tmp_path):
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
         assert cache_folder().parent == tmp_path / "kernels"
         assert cache_folder().is_dir()
 
     def test_else_it_is_beside_the_package(self, monkeypatch):
-        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
         package = Path(plateau.metric.compiled.__file__).parent
         assert cache_folder().parent == package / "__pycache__"
 
     def test_else_with_the_user(self, monkeypatch, tmp_path):
         # The package lies where nothing can be written: a file is in the way.
         (tmp_path / "package").touch()
-        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-        monkeypatch.setattr(jit, "_PACKAGE", tmp_path / "package")
-        monkeypatch.setattr(jit, "user_cache_path", lambda name: tmp_path / "user" / name)
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path / "package")
+        monkeypatch.setattr(kernel_cache, "user_cache_path", lambda name: tmp_path / "user" / name)
         assert cache_folder().parent == tmp_path / "user" / "plateau-kernels"
 
     def test_else_there_is_none_and_kernels_work_all_the_same(self, monkeypatch, tmp_path):
         (tmp_path / "file").touch()
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file"))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
         assert cache_folder() is None
         twice = jit.entry_point(lambda x: x + x)
         assert twice(2) == 4
@@ -153,8 +154,8 @@ class TestTheCache:
     def test_a_changed_constant_makes_another_one(self, monkeypatch, tmp_path, source):
         package = Path(plateau.metric.compiled.__file__).parents[1]
         shutil.copytree(package, tmp_path / "metric", ignore=shutil.ignore_patterns("__pycache__"))
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-        monkeypatch.setattr(jit, "_PACKAGE", tmp_path / "metric" / "compiled")
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path / "metric" / "compiled")
         before = cache_folder()
         with (tmp_path / "metric" / source).open("a") as file:
             file.write("\nNEW = 1\n")

@@ -75,7 +75,7 @@ def test_by_quality_the_target_says_how_many_samples_a_round_has(farm: NoiseFarm
     one, other = ({**BY_QUALITY, "rule": rule, "max_spp": 240} for rule in rules)
     near, far, again = finished(farm, **one), finished(farm, **other), farm.submit(**other)
     first = [farm.jobs.plan(job).decided[0].samples for job in (near, far)]
-    forecasts = [farm.jobs.curve(job.id)[0].forecast_spp or 0 for job in (near, far)]
+    forecasts = [farm.jobs.curve(job.id)[0].expected_spp or 0 for job in (near, far)]
     assert first[0] < first[1]
     assert 80 < forecasts[0] < forecasts[1]
     # Its image depends on no monitor and no order

@@ -54,7 +54,6 @@ def pixels(farm: NoiseFarm, job: Job) -> bytes:
 #: A point that was taken over has its time, and speaks of the rules of its own job.
 OF_ITS_JOB = {
     *("at", "rules", "expected_spp"),
-    *("forecast_spp", "forecast_low_spp", "forecast_high_spp"),
 }
 
 
