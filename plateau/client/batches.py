@@ -9,6 +9,7 @@ from plateau.client.errors import TimedOut
 from plateau.client.short_ids import with_whole_ids
 from plateau.client.submission import refusing, submitted
 from plateau.client.transport import Calls
+from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.farm.wire.batch_views import (
     BatchLineView,
@@ -38,6 +39,7 @@ class BatchCalls(Calls):
         spec: JobSpec | None = None,
         *,
         same_seeds: bool = False,
+        first_frame: int = 0,
         idempotency_key: str | None = None,
     ) -> BatchView:
         """Submit a scene once for each of these sets of parameters; all jobs are made, or none.
@@ -54,6 +56,9 @@ class BatchCalls(Calls):
             `seed` is the first job's, and each further job has the next.
         same_seeds
             Give all jobs the seed of the first one, so that the noise of frames stands still.
+        first_frame
+            Which frame of a longer list the first of these is, from 0: seeds are counted from
+            there, as if all had been submitted together.
         idempotency_key
             As for `Client.submit`.
 
@@ -68,9 +73,8 @@ class BatchCalls(Calls):
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
         with refusing():
-            asked = BatchSpec.model_validate(
-                {**shared, "parameters": entries, "same_seeds": same_seeds}
-            )
+            more = {"same_seeds": same_seeds, "first_frame": first_frame % JOB_SEEDS}
+            asked = BatchSpec.model_validate({**shared, "parameters": entries, **more})
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)

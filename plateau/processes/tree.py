@@ -224,6 +224,8 @@ class Tree:
                 **dict.fromkeys(REDIS_VARIABLES, ""),  # the URL contains them
                 "PLATEAU_REDIS_URL": self.redis_url,
                 "PLATEAU_BLOBS": self.blobs,
+                # Nothing continues a job of a farm that is about to go.
+                **({"PLATEAU_KEEP_SUMS_DAYS": "0"} if self.is_temporary else {}),
                 **(environment or {}),
             },
             logs=self.data.logs,

@@ -1,4 +1,4 @@
-"""A process tree for one job: from a scene to what its caller fetches of it."""
+"""A process tree of one's own: for one job, from a scene to its results, or for many."""
 
 import shutil
 import tempfile
@@ -43,8 +43,7 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     CommandFailed
         This machine lacks the variant, or folders or open files; a rule cannot judge the image.
     """
-    settings = read_settings()
-    check_ground(settings, caches=True, has_redis=True)
+    settings = settings_here()
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
@@ -53,7 +52,14 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    _check_variant(variant, settings.cache)
+    check_variant(variant, settings.cache)
+    return settings
+
+
+def settings_here() -> "Settings":
+    """The settings of the environment; raises `CommandFailed` where a farm cannot start here."""
+    settings = read_settings()
+    check_ground(settings, caches=True, has_redis=True)
     return settings
 
 
@@ -85,18 +91,53 @@ def render_alone(
         Fetches from the client what is wanted of the ended job; may call its last argument when
         nothing more is asked of the service.
     """
+    # The wait for the workers counts: no other job keeps them.
+    spec = spec.model_copy(update={"time_limit_from": "submission"})
+    with own_farm(
+        settings,
+        interrupts,
+        spec,
+        workers=workers,
+        threads=threads,
+        tell=lambda line: shown.note(line),
+    ) as (tree, client):
+        shown = progress(client)
+        job = _run(client, scene, spec, tree, interrupts, shown)
+        return job, fetch(client, job, tree.wind_down)
+
+
+@contextmanager
+def own_farm(
+    settings: "Settings",
+    interrupts: Interrupts,
+    spec: JobSpec,
+    *,
+    workers: int,
+    threads: int | None,
+    tell: Callable[[str], None],
+) -> Iterator[tuple[Tree, "Client"]]:
+    """A farm for as long as the context lasts, and its client; call the tree's `check` often.
+
+    Parameters
+    ----------
+    settings
+        Those of `checked_settings`.
+    spec
+        The workers fit it, whatever the settings say.
+    workers, threads
+        As for `render_alone`.
+    tell
+        Called with a line about each process that is started again.
+    """
     alone = settings.model_copy(
         update={
             "redis_url": None,
             "blobs": None,
             "threads": threads or settings.threads,
-            # The workers are for this job alone, whatever the settings say.
             "pool": spec.pool,
             "tags": spec.requires,
         }
     )
-    # The wait for the workers counts: no other job keeps them.
-    spec = spec.model_copy(update={"time_limit_from": "submission"})
     with (
         _temporary_data() as data,
         Tree(
@@ -105,7 +146,7 @@ def render_alone(
             interrupts,
             workers=workers,
             door=Door(open_to_all=True),  # only this process knows its port
-            tell=lambda line: shown.note(line),
+            tell=tell,
             most_deaths=_MOST_DEATHS,
             is_temporary=True,
         ) as tree,
@@ -116,12 +157,10 @@ def render_alone(
         from plateau.client import Client
 
         with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
-            shown = progress(client)
-            job = _run(client, scene, spec, tree, interrupts, shown)
-            return job, fetch(client, job, tree.wind_down)
+            yield tree, client
 
 
-def _check_variant(variant: str, cache: Path) -> None:
+def check_variant(variant: str, cache: Path) -> None:
     """Refuse a variant that the workers will lack: the job would wait for ever.
 
     The cache keeps the result, so the workers need not try again.

@@ -1,5 +1,6 @@
 """What `plateau.render` returns: a job's image and curve, independent of its farm."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,10 +36,10 @@ class Result:
     files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
 
     @classmethod
-    def fetched(cls, client: Client, job: JobView) -> "Result":
-        """The result of an ended job of a service."""
+    def fetched(cls, client: Client, job: JobView, names: Collection[str] = IMAGES) -> "Result":
+        """The result of an ended job of a service, with those of these images that it has."""
         files = {}
-        for name in IMAGES:
+        for name in names:
             try:
                 files[name] = client.image(job.id, name)
             except ApiError as error:
