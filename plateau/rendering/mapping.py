@@ -6,6 +6,7 @@ is depends on its place among all of them, and not on which others are rendered 
 
 import os
 import secrets
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
@@ -288,6 +289,7 @@ def spec_for(
         "pictures": False,
         "watch": (),
         "allocation": "frame",
+        "exr": {"compression": "none"},  # it hardly shrinks noise
         **fields,
     }
     spec = spec_of(None, {**given, "inputs": (), "slice_spp": 1})
@@ -396,7 +398,9 @@ class _Run:
         self._window, self._chunk = window, max(1, window // 3)
         self._name = f"map-{secrets.token_hex(4)}"
         self._batches = 0
-        self._open: set[str] = set()  # batches with jobs that were not fetched
+        self._lock = threading.Lock()
+        self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
+        self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
         self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
         self._pool = ThreadPoolExecutor(window + 1, thread_name_prefix="map")
         self._specs = [spec]
@@ -448,7 +452,7 @@ class _Run:
     def close(self) -> None:
         """Cancel what is under way; nobody waits for it any more."""
         self._pool.shutdown(wait=False, cancel_futures=True)
-        for batch in tuple(self._open):
+        for batch in [name for name, jobs in self._open.items() if jobs]:
             with suppress(Exception):
                 self._client.cancel_batch(batch)
 
@@ -479,7 +483,6 @@ class _Run:
         path = scene if isinstance(scene, Mapping) else os.fspath(scene)
         stored = None if isinstance(path, Mapping) else self._known.get(path)
         frame = (first.index + apart) % JOB_SEEDS
-        self._open.add(name)
         try:
             self._client.submit_batch(stored or path, values, shared, first_frame=frame)
         except ApiError as error:
@@ -490,6 +493,8 @@ class _Run:
         jobs = list(self._client.all_jobs(batch=name))
         if not isinstance(path, Mapping):
             self._known[path] = jobs[0].scene_sha256
+        with self._lock:
+            self._open[name] = {job.id for job in jobs}
         by_frame = {(job.spec.frame_seed - frame) % JOB_SEEDS: job.id for job in jobs}
         return [by_frame[place] for place in range(len(tasks))]
 
@@ -508,9 +513,15 @@ class _Run:
         return found
 
     def _fetched(self, job_id: str) -> Result:
-        result = Result.fetched(self._client, self._client.wait(job_id), (_EXR,))
-        with suppress(ApiError):  # such as a key that may not delete
-            self._client.delete(job_id)
+        job = self._client.wait(job_id)
+        result = Result.fetched(self._client, job, (_EXR,), with_curve=self._has_values)
+        batch = job.spec.batch or ""
+        with self._lock:
+            jobs = self._open.get(batch, {job_id})
+            jobs.discard(job_id)
+        if not jobs:
+            with suppress(ApiError):  # such as a key that may not delete
+                self._client.delete_batch(batch)
         return result
 
 

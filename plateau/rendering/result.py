@@ -36,7 +36,14 @@ class Result:
     files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
 
     @classmethod
-    def fetched(cls, client: Client, job: JobView, names: Collection[str] = IMAGES) -> "Result":
+    def fetched(
+        cls,
+        client: Client,
+        job: JobView,
+        names: Collection[str] = IMAGES,
+        *,
+        with_curve: bool = True,
+    ) -> "Result":
         """The result of an ended job of a service, with those of these images that it has."""
         files = {}
         for name in names:
@@ -45,7 +52,7 @@ class Result:
             except ApiError as error:
                 if error.slug != _NO_IMAGE:
                     raise
-        return cls(job, client.curve(job.id), files)
+        return cls(job, client.curve(job.id) if with_curve else [], files)
 
     @property
     def state(self) -> JobState:

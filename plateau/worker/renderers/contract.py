@@ -5,8 +5,7 @@ supervisor knows a renderer by these lines alone. Each request is one object, wh
 its kind::
 
     {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "aovs": ["depth"]}
-    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false, "zones": [],
-     "inputs": []}
+    {"do": "render", "id": 2, "passes": …, "glimpse": false, "zones": [], "inputs": []}
     {"do": "cancel", "id": 2}
 
 and each answer is one object, whose ``"is"`` names its kind::
