@@ -109,27 +109,26 @@ class Recipe:
         CommandFailed
             The layout cannot have such images.
         """
-        more, aovs = dict(self.spec), list(self.aovs)
+        aovs, most = list(self.aovs), max(self.inputs, default=0)
         if self.layout == "oidn":
             aovs += [name for name in _OF_OIDN if name not in aovs]
-            # The image with the most samples is the target.
-            most = max(self.inputs, default=0)
-            more["min_spp"] = max(int(more.get("min_spp") or 1), most + 1)
         made = spec_for(
             self.target,
             self.inputs,
             independent=self.independent,
             aovs=aovs,
             variance=self.variance,
-            fields=more,
+            fields=self.spec,
         )
-        end = made.rule.behaviour.soonest_end_spp(1) if made.rule.name == "fixed" else None
-        if self.layout == "oidn" and end is not None and end <= max(self.inputs, default=0):
+        # The image with the most samples is the target.
+        if self.layout != "oidn" or not self.inputs:
+            return made
+        if made.max_spp <= most:
             raise CommandFailed(
-                f"the layout oidn takes the image with the most samples for the target: {end} spp "
-                f"must be above the last of inputs, {self.inputs[-1]}"
+                f"the layout oidn takes the image with the most samples for the target: "
+                f"{made.max_spp} spp must be above the last of inputs, {most}"
             )
-        return made
+        return made.model_copy(update={"min_spp": max(made.min_spp or 1, most + 1)})
 
     @property
     def tasks(self) -> Iterator[Task]:

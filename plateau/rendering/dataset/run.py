@@ -90,7 +90,8 @@ def _check_same(there: Manifest, about: Mapping[int, Mapping[str, Any]]) -> None
     """Refuse a folder whose images are not those of the recipe; more at its end are welcome."""
     for index, line in sorted(there.lines.items()):
         wanted = about.get(index)
-        if wanted is not None and manifest.digest(wanted) == line["digest"]:
+        is_same = wanted is not None and manifest.digest(wanted) == line["digest"]
+        if is_same or line["state"] == FAILED:  # what failed may be mended
             continue
         what = "the recipe has no such image any more" if wanted is None else _change(line, wanted)
         raise CommandFailed(
@@ -103,7 +104,7 @@ def _change(line: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
     """The first thing in which an image that is there differs from the one that is wanted."""
     had, has = {**line, **line["asked"]}, {**wanted, **wanted["asked"]}
     had["scene"] = Path(line["scene"]).name
-    for name in (*line["asked"], *wanted["asked"], "scene", "parameters", "sensor"):
+    for name in ("rule", *line["asked"], *wanted["asked"], "scene", "parameters", "sensor"):
         if had.get(name) != has.get(name):
             was, now = (one.get(name, "the default") for one in (had, has))
             return f"{name} was {was}, and is {now}"
