@@ -20,7 +20,7 @@ from plateau.client.submission import spec_of
 from plateau.errors import CommandFailed, needs
 from plateau.farm.bundle import BundleError
 from plateau.farm.model.errors import InvalidSpec
-from plateau.farm.model.job import CurvePoint, WatchedValue
+from plateau.farm.model.job import WatchedValue
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -133,8 +133,8 @@ class Mapped:
     @property
     def errors(self) -> dict[str, WatchedValue]:
         """By the name of each rule of the job: its value for this image, with its interval."""
-        last = self._last
-        return {} if last is None else last.rules
+        points = self.result.points if self.result else []
+        return points[-1].rules if points else {}
 
     @property
     def non_finite(self) -> dict[str, int]:
@@ -144,10 +144,6 @@ class Mapped:
         layers = self.result.channels if self.result and self.result.has_image else {}
         counts = {name: int(np.count_nonzero(~np.isfinite(one))) for name, one in layers.items()}
         return {name: count for name, count in counts.items() if count}
-
-    @property
-    def _last(self) -> CurvePoint | None:
-        return self.result.points[-1] if self.result and self.result.points else None
 
     @property
     def _rendered(self) -> Result:
@@ -240,32 +236,19 @@ def map(  # noqa: A001  (as users call it)
     spec = spec_for(
         target, inputs, independent=independent, aovs=aovs, variance=variance, fields=fields
     )
-    several = isinstance(scenes, Iterable) and not isinstance(scenes, str | os.PathLike | Mapping)
-    every: Any = scenes if several else (scenes,)
-    combined = (
-        (scene, values, sensor) for scene, (values, sensor) in _products(every, parameters, sensors)
-    )
+    every: list[Any]
+    if callable(scenes) or isinstance(scenes, str | os.PathLike | Mapping):
+        every = [scenes]
+    else:
+        every = [*scenes]
+    values = parameters if len(every) == 1 else [*parameters]
+    combined = ((one, given, sensor) for one in every for given in values for sensor in sensors)
     tasks = (
-        Task(index=index, scene=scene, parameters=values, sensor=sensor)
-        for index, (scene, values, sensor) in enumerate(combined)
+        Task(index=index, scene=scene, parameters=given, sensor=sensor)
+        for index, (scene, given, sensor) in enumerate(combined)
     )
     place = Place(farm=farm, key=key, workers=workers, threads=threads)
     return rendered(tasks, spec, place, independent=independent, ordered=ordered)
-
-
-def _products(
-    scenes: Iterable[Any], parameters: Iterable[Values], sensors: Sequence[int]
-) -> Iterator[tuple[Any, tuple[Values, int]]]:
-    """Each scene with each of the others; a generator of parameters serves one scene only once."""
-    kept: list[Values] = []
-    first = True
-    for scene in scenes:
-        for values in parameters if first else kept:
-            if first:
-                kept.append(dict(values))
-            for sensor in sensors:
-                yield scene, (values, sensor)
-        first = False
 
 
 def spec_for(
