@@ -1,11 +1,8 @@
 """Calls that submit, show, list and steer batches."""
 
-import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from plateau.client.errors import TimedOut
 from plateau.client.short_ids import with_whole_ids
 from plateau.client.submission import refusing, submitted
 from plateau.client.transport import Calls
@@ -23,7 +20,6 @@ from plateau.files.scene_at_hand import SceneAtHand
 
 #: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 100
-_POLL_S: Final = 1.0
 
 
 class BatchCalls(Calls):
@@ -108,24 +104,6 @@ class BatchCalls(Calls):
             cursor = page.next_cursor
             if cursor is None:
                 return
-
-    def wait_for_batch(self, name: str, *, timeout_s: float | None = None) -> BatchView:
-        """The batch once all of its jobs are finished: ended, with their results written.
-
-        Raises
-        ------
-        TimedOut
-            They were not finished in time; they continue.
-        """
-        deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
-        while True:
-            batch = self.batch(name)
-            if batch.finished == batch.jobs:
-                return batch
-            left_s = deadline - time.monotonic()
-            if left_s <= 0:
-                raise TimedOut(f"batch {name}", timeout_s or 0.0)
-            time.sleep(min(_POLL_S, left_s))
 
     def cancel_batch(self, name: str) -> BatchSteered:
         """Cancel all jobs of the batch that have not ended; returns the outcome for each job."""

@@ -25,7 +25,7 @@ _LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
 _OTHER_RANGE: Final = re.compile(r"([0-9]+) *(?:[-–:…]|\.{3}|to) *([0-9]+)(?:[x:%]([0-9]+))?")
 
 
-def each(definitions: Sequence[str]) -> list[Values]:
+def each(definitions: Sequence[str], most: int = MAX_ENTRIES) -> list[Values]:
     """Every combination of the defined values; the last parameter varies fastest.
 
     Parameters
@@ -34,6 +34,8 @@ def each(definitions: Sequence[str]) -> list[Values]:
         ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
         numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values, and for several ranges.
         Zeros ahead of FIRST are kept.
+    most
+        How many combinations there may be.
 
     Raises
     ------
@@ -46,20 +48,20 @@ def each(definitions: Sequence[str]) -> list[Values]:
         if not (separator and name and text):
             raise CommandFailed(f"--each takes NAME=FIRST..LAST or NAME=A,B,…, not {definition!r}")
         names.append(name)
-        values.append(_values(text))
+        values.append(_values(text, most))
     if len(set(names)) < len(names):
         raise CommandFailed("--each names one parameter twice")
-    _check_count(math.prod(map(len, values)))
+    _check_count(math.prod(map(len, values)), most)
     return _without_twins([dict(zip(names, one, strict=True)) for one in product(*values)])
 
 
-def _values(text: str) -> list[str]:
+def _values(text: str, most: int) -> list[str]:
     """The values of a list, whose parts may be ranges."""
     values: list[str] = []
     for part in text.split(","):
         one = _RANGE.fullmatch(part)
         if one is not None:
-            values += _range(one)
+            values += _range(one, most)
         elif _LIKE_A_RANGE.fullmatch(part):
             raise CommandFailed(
                 f"--each takes a range as 0..99 or 0..99:2, of whole numbers of nine digits at "
@@ -75,15 +77,15 @@ def _values(text: str) -> list[str]:
             raise CommandFailed(f"--each: {text!r} has a comma with no value before or after it")
         else:
             values.append(part)
-        _check_count(len(values))
+        _check_count(len(values), most)
     return values
 
 
-def _range(match: re.Match[str]) -> list[str]:
+def _range(match: re.Match[str], most: int) -> list[str]:
     """The numbers of a range, with zeros ahead where its first one has them."""
     first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
     numbers = range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
-    _check_count(len(numbers))
+    _check_count(len(numbers), most)
     digits = match[1].lstrip("-")
     width = len(match[1]) if digits.startswith("0") and len(digits) > 1 else 0
     return [f"{number:0{width}d}" for number in numbers]
@@ -106,7 +108,7 @@ def from_file(path: Path) -> list[Values]:
     Raises
     ------
     CommandFailed
-        The file is neither, has no or too many entries, or a value that no parameter can have.
+        The file is neither, has no entries, or a value that no parameter can have.
     OSError
         The file cannot be read.
     """
@@ -117,7 +119,6 @@ def from_file(path: Path) -> list[Values]:
     entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
     if not entries:
         raise CommandFailed(f"{path} has no entries: each makes a job")
-    _check_count(len(entries))
     return _without_twins(entries)
 
 
@@ -164,9 +165,9 @@ def _of_csv(path: Path, text: str) -> list[Values]:
     return [dict(zip(names, row, strict=True)) for row in rows[1:]]
 
 
-def _check_count(count: int) -> None:
-    if count > MAX_ENTRIES:
+def _check_count(count: int, most: int) -> None:
+    if count > most:
         raise CommandFailed(
-            f"that makes {count:,} jobs, and {MAX_ENTRIES:,} can be made at once: submit them in "
-            "parts, all with the same --batch"
+            f"that makes {count:,} jobs, and {most:,} can be made at once: submit them in parts, "
+            "all with the same --batch"
         )

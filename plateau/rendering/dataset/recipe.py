@@ -35,6 +35,7 @@ else:
     import tomli as tomllib  # type: ignore[import-not-found]
 
 _OF_OIDN: Final = ("albedo", "normal")
+_MOST: Final = 10_000_000  #: values of a range
 _SPACED: Final = {"from", "to", "count"}
 
 
@@ -148,5 +149,5 @@ def _values(name: str, given: Any) -> list[Any]:
         first, last, count = given["from"], given["to"], given["count"]
         return [first + (last - first) * step / max(count - 1, 1) for step in range(count)]
     if isinstance(given, str) and ".." in given:
-        return [one[name] for one in each([f"{name}={given}"])]
+        return [one[name] for one in each([f"{name}={given}"], _MOST)]
     return [given]
