@@ -63,6 +63,7 @@ def measure(frames: int, side: int, spp: int) -> dict[str, Any]:
     for way in _WAYS[1:]:
         row[f"{way}, over map"] = f"{under_way[way] / under_way[mapped]:.2f}"
         row[f"{way}, from start to end"] = f"{ran[way].own_s() / ran[mapped].own_s():.2f}"
+        row[f"{way}, CPU time"] = f"{ran[way].cpu_s / ran[mapped].cpu_s:.2f}"
     row[OTHERS] = f"{took.others:.3f}"
     machine = [one[:-1] for one in machine_table({"workers": len(os.sched_getaffinity(0))}, [0])]
     return {"dataset-machine": machine, "dataset": [list(row), list(row.values())]}

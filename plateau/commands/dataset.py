@@ -34,7 +34,7 @@ def dataset(
     ] = None,
     sheet: Annotated[
         bool,
-        typer.Option("--sheet", help="Write DIR/sheet.html: a thumbnail of each, the worst first."),
+        typer.Option("--sheet", help="Write DIR/sheet.html, with thumbnails."),
     ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the lines of the manifest, the worst first.")
@@ -46,11 +46,9 @@ def dataset(
       plateau dataset box.toml -o box
       plateau dataset rooms.toml -o rooms --url http://farm:8713 --sheet
 
-    docs/datasets.md describes recipes. DIR/manifest.jsonl has a line for each image: its files,
-    state, samples, error with its interval, and what rendered it. Files are there whole or not at
-    all: a run may be killed at any moment, and the same command goes on. It renders nothing again
-    that is there, and refuses a recipe that has changed, but for more images at its end. Images
-    that failed are tried again. The exit code is 1 if one failed, 3 if one missed its target.
+    docs/datasets.md describes recipes. DIR/manifest.jsonl has a line for each image. A run may be
+    killed at any moment, and the same command goes on; it refuses a recipe that has changed. The
+    exit code is 1 if an image failed, 3 if one missed its target.
     """
     from rich.console import Console
 

@@ -388,12 +388,11 @@ class _Run:
         self._pool = ThreadPoolExecutor(window + 1, thread_name_prefix="map")
         self._specs = [spec]
         if independent:
-            noisy = {"name": "fixed", "spp": spec.inputs[-1]}
+            fixed = {"name": "fixed", "spp": spec.inputs[-1]}
+            alone = {"watch": (), "variance": False, "min_spp": None, "step": spec.slice_spp}
             self._specs = [
                 spec_of(spec, {"inputs": ()}),
-                spec_of(
-                    spec, {"rule": noisy, "watch": (), "variance": False, "step": spec.slice_spp}
-                ),
+                spec_of(spec, {"rule": fixed, **alone}),
             ]
 
     def results(self, tasks: Iterator[Task], *, ordered: bool) -> Iterator[Mapped | None]:

@@ -76,8 +76,10 @@ class Manifest:
 
     def _append(self, line: Mapping[str, Any]) -> None:
         end = self._file.seek(0, os.SEEK_END)
+        rest = memoryview(json.dumps(line).encode() + b"\n")
         try:
-            self._file.write(json.dumps(line).encode() + b"\n")
+            while rest:  # a disk that is nearly full takes a part
+                rest = rest[self._file.write(rest) :]
             os.fsync(self._file.fileno())
         except OSError:
             with suppress(OSError):
