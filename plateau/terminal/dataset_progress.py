@@ -56,13 +56,14 @@ def dataset_progress_on(console: Console) -> Iterator[Callable[[Course], None]]:
                 progress_bar(course.total, course.done, *_words(course)), refresh=True
             )
         return
-    shown_at = -_EVERY_S
+    shown_at, said = -_EVERY_S, -1
 
     def show(course: Course) -> None:
-        nonlocal shown_at
+        nonlocal shown_at, said
         now = time.monotonic()
-        if now >= shown_at + _EVERY_S or course.done == course.total:
-            shown_at = now
+        is_end = course.done == course.total
+        if course.done != said and (is_end or now >= shown_at + _EVERY_S):
+            shown_at, said = now, course.done
             line = "  ".join(filter(None, _words(course)))
             console.print(line, markup=False, highlight=False, soft_wrap=True)
 
