@@ -54,6 +54,10 @@ def test_an_image_and_its_inputs_are_those_of_a_job_alone(farm: RealFarm) -> Non
     assert "image.png" in job.files
     assert {name for name in job.channels if not name.startswith("spp")} == set(mapped.channels)
     assert all(np.array_equal(one, job.channels[name]) for name, one in mapped.channels.items())
+    plain = farm.client.submit(BOX, pictures=False, max_spp=24, rule="fixed", **alone)  # type: ignore[arg-type]
+    farm.client.wait(plain.id)
+    with pytest.raises(plateau.NoImageYet, match="was to make no pictures"):
+        farm.client.image(plain.id, "image.png")
     # An input is the image of a job that ends there
     alone |= {"inputs": (1, 4), "slice_spp": 4, "step": 4}
     short = plateau.render(BOX, farm=farm.url, max_spp=4, rule="fixed:spp=4", **alone)  # type: ignore[arg-type]
