@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plateau.errors import CommandFailed, ExitCode
+from plateau.errors import CommandFailed
 from plateau.farm.images.exr import decode_layers
 from plateau.files.held import Held, held
 from plateau.processes.interrupts import Interrupts
 from plateau.rendering.dataset import manifest
 from plateau.rendering.dataset.recipe import Recipe
-from plateau.rendering.dataset.run import exit_code, fill, summary
+from plateau.rendering.dataset.run import fill
 from plateau.rendering.mapping import Place
 from tests.support.farms.real_farm import RealFarm
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, plateau
 from tests.support.until import until
 
 CHECKS = {"analytic": 1, "width": 24, "height": 16, "light": "checks", "level": 0.2}
@@ -118,26 +118,35 @@ def test_another_recipe_and_another_run_are_refused(run: Fill, tmp_path: Path) -
     assert [line["index"] for line in lines(tmp_path / "out")[8:]] == [2]
 
 
-def test_what_fails_and_what_misses_its_target_are_said(run: Fill, tmp_path: Path) -> None:
+def test_what_fails_and_what_misses_its_target_are_said(
+    run: Fill, farm: RealFarm, tmp_path: Path
+) -> None:
     recipe = """
 scenes = ["checks.json", "gone.json"]
 target = "relmse:target=1e-9"
 spec = {max_spp = 256}
 """
-    found = run(recipe)
-    assert [line["state"] for line in found] == ["failed", "exhausted"]
-    assert exit_code(found) is ExitCode.FAILED
-    assert exit_code(found[1:]) is ExitCode.MISSED
-    said = list(summary(found))
+    (tmp_path / "recipe.toml").write_text(recipe)
+    out = tmp_path / "out"
+    asked = ("dataset", tmp_path / "recipe.toml", "-o", out, "--url", farm.url)
+    code, printed, progress = plateau(*asked, "--sheet")
+    assert code == 1
+    said = printed.splitlines()
     assert said[0] == "1 failed, 1 exhausted"
     assert re.search(r"gone-000001: .*gone\.json", said[1])
     assert re.search(r"checks-000000: reached the cap of 256 spp; the squared error is ", said[2])
-    reached = found[1]["errors"]["relmse"]
+    assert "2 of 2 images, 1 failed" in progress
+    # The sheet has them in the same order, the one with its picture
+    sheet = (out / "sheet.html").read_text()
+    assert sheet.index("gone-000001") < sheet.index("<img ") < sheet.index("checks-000000")
+    assert sheet.count("<img ") == 1
+    reached = next(line for line in lines(out) if line["index"] == 0)["errors"]["relmse"]
     assert 1e-9 < reached["low"] < reached["value"] < reached["high"]
     # Mended, it is tried again
     (tmp_path / "gone.json").write_text(json.dumps(CHECKS))
-    assert {line["state"] for line in run(recipe)} == {"exhausted"}
-    assert [line["index"] for line in lines(tmp_path / "out")].count(0) == 1
+    code, printed, _ = plateau(*asked, "--json")
+    assert (code, {line["state"] for line in json.loads(printed)}) == (3, {"exhausted"})
+    assert [line["index"] for line in lines(out)].count(0) == 1
 
 
 def test_a_full_disk_leaves_nothing_half(tmp_path: Path) -> None:
