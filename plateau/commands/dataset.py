@@ -25,7 +25,10 @@ def dataset(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Workers on this machine.", min=1, max=256, show_default="one a core, at most 8"
+            help="Workers on this machine.",
+            min=1,
+            max=256,
+            show_default="one a GPU, or else a core, at most 8",
         ),
     ] = None,
     threads: Annotated[

@@ -39,8 +39,6 @@ SceneOrMaker: TypeAlias = "SceneAtHand | Callable[..., Mapping[str, Any]]"
 
 _TICK_S: Final = 0.25
 _EXR: Final = "image.exr"
-#: Workers of a farm of one's own: each has the scene in its memory.
-_MOST_WORKERS: Final = 8
 #: Jobs in flight on a service, whose workers are not ours to count.
 _ON_A_SERVICE: Final = 48
 #: Samples per pixel of a slice where nothing is said, and slices between two evaluations.
@@ -209,8 +207,8 @@ def map(  # noqa: A001  (as users call it)
         URL of a service that renders them, and its API key; by default a farm on this machine. Jobs
         are deleted from the service once they are fetched.
     workers, threads
-        Of a farm on this machine; by default as many workers as cores, up to 8, and their share of
-        the cores.
+        Of a farm on this machine; by default a worker for each GPU or else for each core, up to 8,
+        and their share of the cores.
     **fields
         More fields of `JobSpec` for all: ``max_spp=4096``, ``seed=1``, ``watch=("jod",)``.
 
@@ -310,12 +308,11 @@ class Place:
             with Client(self.farm, key=key, once_heard_s=3600.0) as client:
                 yield _Opened(client, lambda: None, _ON_A_SERVICE)
             return
-        from plateau.rendering.own_farm import check_variant, own_farm, settings_here
+        from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
         settings = settings_here()
         check_variant(spec.variant, settings.cache)
-        cores = len(os.sched_getaffinity(0))
-        workers = self.workers or min(cores, _MOST_WORKERS)
+        workers = self.workers or workers_for(spec.variant)
         with own_farm(
             settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell
         ) as (tree, client):

@@ -1,5 +1,6 @@
 """A process tree of one's own: for one job, from a scene to its results, or for many."""
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import inspect_bundle
-from plateau.farm.model.renderers import renderer_of, variant_for
+from plateau.farm.model.renderers import AUTO, renderer_of, variant_for, variant_named
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
 from plateau.processes.data_folder import DataFolder, is_in_use
@@ -17,6 +18,7 @@ from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
+from plateau.worker.supervisor.gpus import cards
 from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
+_MOST_WORKERS: Final = 8
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
 
@@ -61,6 +64,15 @@ def settings_here() -> "Settings":
     settings = read_settings()
     check_ground(settings, caches=True, has_redis=True)
     return settings
+
+
+def workers_for(variant: str) -> int:
+    """How many workers do many small jobs best: one a GPU, or else one a core, each with a thread.
+
+    Each has a scene in its memory. While one loads or hands over, others render.
+    """
+    on_gpu = variant == AUTO or variant_named(variant).on_gpu
+    return (len(cards("uuid")) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
 
 
 def render_alone(
