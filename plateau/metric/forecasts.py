@@ -15,7 +15,7 @@ from plateau.metric.estimate import (
     BAND_DEVIATIONS,
     DETERMINED,
     allowed_pixels,
-    clump_in,
+    mean_clump,
     require_target,
 )
 
@@ -124,15 +124,15 @@ def forecast_from(
         return Forecast(spp, spp, spp)
 
     search = _Search(above=(0.0, _over(estimate.pixels, allowed)))
-    clump = clump_in(model, estimate.visible > 0)
+    clump = mean_clump(estimate.visible > 0)
     furthest = math.log(FURTHEST)
     place = search.crossing
     for _ in range(MOST_EVALUATIONS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
-        excess = _over(model.count(difference), allowed)
+        excess = _over(difference.finite_count, allowed)
         if excess > 0:
-            clump = clump_in(model, difference.visible)
+            clump = mean_clump(difference.visible)
             if place == furthest:
                 return Forecast(None, None, None)
         search.add((place, excess))

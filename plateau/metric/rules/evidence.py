@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric.blend import BlendError
-    from plateau.metric.display import Image, Mask, Plane
+    from plateau.metric.display import Image, Mask
     from plateau.metric.standard_error import Quarters
     from plateau.metric.vdp import Percept, VisibleDifferences
 
@@ -46,8 +46,6 @@ class Evidence:
     metric: VisibleDifferences
     #: The error of a denoised image, which is not that of its halves.
     error: BlendError | None = None
-    #: What each pixel counts in the estimate, (H, W) with a mean of 1; None if all count one.
-    focus: Plane | None = None
     #: Four parts of the slices, for rules `by_quarters`; None while there are fewer than four.
     quarters: Quarters | None = None
 
@@ -88,6 +86,10 @@ class Evidence:
         """The merged image, prepared for comparison."""
         return self.metric.percept(self.image)
 
+    def prepare(self) -> None:
+        """Compute what all rules need, so that they may judge on several threads."""
+        _ = self._model, self.finite
+
     @cached_property
     def _model(self) -> tuple[NoiseModel, Percept] | None:
         """The noise model of the merged image, and the percept of its clean image."""
@@ -97,10 +99,7 @@ class Evidence:
             model = noise_model(self.metric, self.image, self.halves)
         else:
             return None
-        return self._focused(model), self.metric.percept(model.clean)
-
-    def _focused(self, model: NoiseModel) -> NoiseModel:
-        return model if self.focus is None else replace(model, focus=self.focus)
+        return model, self.metric.percept(model.clean)
 
     @cached_property
     def estimate(self) -> Estimate | None:
@@ -114,7 +113,7 @@ class Evidence:
         if self.error is None:
             return estimate
         _, clean = self._model
-        greatest = estimate_from(self.metric, self._focused(self.error.greatest), clean)
+        greatest = estimate_from(self.metric, self.error.greatest, clean)
         return replace(
             estimate,
             high_pixels=max(estimate.high_pixels, greatest.pixels),
@@ -202,7 +201,7 @@ class Evidence:
         estimate = self.estimate
         assert estimate is not None  # as there is a model
         if self.error is not None and estimate.pixels <= self.allowed_pixels(target):
-            model = self._focused(self.error.greatest)
+            model = self.error.greatest
             estimate = estimate_from(self.metric, model, clean)
         return plan_round(
             self.metric,
