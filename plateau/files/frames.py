@@ -1,17 +1,14 @@
-"""Lists of parameters from a range, a list of values, a CSV or a JSON file.
+"""Lists of parameters from ranges and lists of values.
 
 >>> each(["frame=1..3", "light=dim,bright"])[:3]
 [{'frame': '1', 'light': 'dim'}, {'frame': '1', 'light': 'bright'}, {'frame': '2', 'light': 'dim'}]
 """
 
-import csv
-import json
 import math
 import re
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import MAX_ENTRIES, parameter_strings
@@ -100,69 +97,6 @@ def _without_twins(entries: list[Values]) -> list[Values]:
             what = ", ".join(f"{name}={value}" for name, value in entry.items())
             raise CommandFailed(f"the jobs {first} and {number} would be the same: {what}")
     return entries
-
-
-def from_file(path: Path) -> list[Values]:
-    """The entries of a file: a CSV with the names in its first row, or a JSON list of objects.
-
-    Raises
-    ------
-    CommandFailed
-        The file is neither, has no entries, or a value that no parameter can have.
-    OSError
-        The file cannot be read.
-    """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise CommandFailed(f"{path} is not UTF-8 text: save it as UTF-8") from None
-    entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
-    if not entries:
-        raise CommandFailed(f"{path} has no entries: each makes a job")
-    return _without_twins(entries)
-
-
-def _of_json(path: Path, text: str) -> list[Values]:
-    try:
-        found: Any = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise CommandFailed(f"{path} is not JSON: {error}") from None
-    if not (isinstance(found, list) and all(isinstance(one, dict) for one in found)):
-        raise CommandFailed(f'{path} must be a list of objects, as [{{"frame": 1}}]')
-    for number, entry in enumerate(found, start=1):
-        for name, value in entry.items():
-            if not (_is_text(name) and _is_value(value)):
-                raise CommandFailed(
-                    f"entry {number} of {path}: {name!r} must be text, a number, true or false"
-                )
-    return found
-
-
-def _is_value(value: object) -> bool:
-    if isinstance(value, str):
-        return _is_text(value)
-    return isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
-
-
-def _is_text(value: str) -> bool:
-    """Whether the text has only whole characters: JSON can escape single surrogates."""
-    return not any("\ud800" <= character <= "\udfff" for character in value)
-
-
-def _of_csv(path: Path, text: str) -> list[Values]:
-    try:
-        rows = [row for row in csv.reader(text.splitlines()) if row]
-    except csv.Error as error:
-        raise CommandFailed(f"{path} is not CSV: {error}") from None
-    names = rows[0] if rows else []
-    if not all(names) or len(set(names)) < len(names):
-        raise CommandFailed(f"the first row of {path} must name each column once")
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(names):
-            raise CommandFailed(
-                f"entry {number} of {path} has {len(row)} values for {len(names)} columns"
-            )
-    return [dict(zip(names, row, strict=True)) for row in rows[1:]]
 
 
 def _check_count(count: int, most: int) -> None:

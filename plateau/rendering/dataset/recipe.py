@@ -26,7 +26,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.rule_model import Strict
-from plateau.files.frames import each, from_file
+from plateau.files.frames import each
 from plateau.rendering.mapping import Task, spec_for
 
 if sys.version_info >= (3, 11):
@@ -51,7 +51,7 @@ class Recipe(Strict):
     variance: bool = False
     layout: Literal["exr", "oidn"] = "exr"  #: see `plateau.rendering.dataset.layouts`
     sensors: tuple[int, ...] = (0,)
-    parameters: str | list[dict[str, Any]] | dict[str, Any] = Field(default_factory=dict)
+    parameters: list[dict[str, Any]] | dict[str, Any] = Field(default_factory=dict)
     spec: dict[str, Any] = Field(default_factory=dict)  #: more fields of the jobs' spec
     folder: Path = Path()  #: of the recipe
 
@@ -129,10 +129,8 @@ class Recipe(Strict):
                 raise CommandFailed(f"there is no scene {one!r} in {self.folder}")
 
     def _entries(self) -> list[dict[str, Any]]:
-        """The sets of parameters: those of a file, of a list, or every combination."""
+        """The sets of parameters: those of a list, or every combination."""
         given = self.parameters
-        if isinstance(given, str):
-            return [dict(one) for one in from_file(self.folder / given)]
         if isinstance(given, list):
             return given
         values = [_values(name, one) for name, one in given.items()]

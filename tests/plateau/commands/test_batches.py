@@ -3,7 +3,6 @@
 import json
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 import redis
@@ -15,7 +14,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.files.frames import each, from_file
+from plateau.files.frames import each
 from plateau.terminal.batch_progress import batch_progress_on
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau as command
@@ -124,56 +123,6 @@ class TestLists:
     def test_that_cannot_be_made(self, definitions: list[str], words: str) -> None:
         with pytest.raises(CommandFailed, match=words):
             each(definitions)
-
-    @pytest.mark.parametrize(
-        ("content", "entries"),
-        [
-            ('[{"a": 1, "b": true}, {}]', [{"a": 1, "b": True}, {}]),
-            ("a,b\n1,x\n\n2,\n", [{"a": "1", "b": "x"}, {"a": "2", "b": ""}]),
-            ("\ufeffa\n1\n", [{"a": "1"}]),
-        ],
-    )
-    def test_of_a_file(self, tmp_path: Path, content: str, entries: list[dict[str, Any]]) -> None:
-        (tmp_path / "frames").write_text(content)
-        assert from_file(tmp_path / "frames") == entries
-
-    @pytest.mark.parametrize(
-        ("content", "words"),
-        [
-            ("", "has no entries"),
-            ("a,b\n", "has no entries"),
-            ('[{"a": 1}, {"a": "1"}]', "jobs 1 and 2 would be the same: a=1"),
-            ("[]", "has no entries"),
-            ("a,a\n1,2\n", "name each column once"),
-            ("a,\n1,2\n", "name each column"),
-            ("a,b\n1,2\n3\n", "entry 2 of .* has 1 values for 2 columns"),
-            ("[1]", "list of objects"),
-            ('{"a": 1}', "list of objects"),
-            ("[{", "is not JSON"),
-            ("a\n" + "1" * 200_000, "is not CSV: field larger"),
-        ],
-    )
-    def test_of_a_file_that_is_wrong(self, tmp_path: Path, content: str, words: str) -> None:
-        (tmp_path / "frames").write_text(content)
-        with pytest.raises(CommandFailed, match=words):
-            from_file(tmp_path / "frames")
-
-    @pytest.mark.parametrize(
-        "value", ["null", "[1]", '{"x": 1}', "NaN", "-Infinity", "1e400", r'"\ud800"']
-    )
-    def test_of_a_file_with_a_value_that_no_parameter_can_have(
-        self, tmp_path: Path, value: str
-    ) -> None:
-        (tmp_path / "frames").write_text(f'[{{"größe": 1}}, {{}}, {{"a": true, "größe": {value}}}]')
-        words = "entry 3 of .*frames: 'größe' must be text, a number, true or false"
-        with pytest.raises(CommandFailed, match=words):
-            from_file(tmp_path / "frames")
-
-    @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
-    def test_of_a_file_in_another_encoding(self, tmp_path: Path, encoding: str) -> None:
-        (tmp_path / "frames").write_bytes("material\nWeißblech\n".encode(encoding))
-        with pytest.raises(CommandFailed, match="frames is not UTF-8 text: save it as UTF-8"):
-            from_file(tmp_path / "frames")
 
 
 @pytest.mark.usefixtures("_service")
