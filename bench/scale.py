@@ -30,8 +30,8 @@ _VARIANTS: Final = ("llvm_ad_rgb", "scalar_rgb")
 _POINT: Final[dict[str, object]] = json.loads(
     """{"spp": 100, "visible_pixels": 40123, "visible_fraction": 0.612, "slope": -1.25,
     "estimate_pixels": 812.5, "estimate_fraction": 0.0124, "estimate_low_pixels": 700.25,
-    "estimate_high_pixels": 930.75, "forecast_spp": 1900, "forecast_low_spp": 1700,
-    "forecast_high_spp": 2300, "non_finite_pixels": 0,
+    "estimate_high_pixels": 930.75, "expected_spp": 1900,
+    "non_finite_pixels": 0,
     "rules": {"visible": {"value": 0.0124, "stop": false}}}"""
 )
 #: What a table has of a load: the figures of each cell.

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from plateau.metric.blend import Blend, BlendError, blend_error, blended
     from plateau.metric.display import Image, Mask, View, encode_srgb
     from plateau.metric.estimate import Estimate, allowed_pixels
-    from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
@@ -38,7 +37,6 @@ __all__ = [
     "Difference",
     "Estimate",
     "Evidence",
-    "Forecast",
     "Half",
     "Image",
     "Mask",
@@ -69,7 +67,6 @@ _HOMES: Final = {
     "blend": ("Blend", "BlendError", "blend_error", "blended"),
     "display": ("Image", "Mask", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels"),
-    "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("allowed_non_finite", "non_finite_pixels"),
     "pictures": (

@@ -12,7 +12,7 @@ from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, pl
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
-from plateau.metric.forecasts import Forecast, forecast_from, when_determined
+from plateau.metric.forecasts import forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
 from plateau.metric.quality_allocation import plan_by_quality
@@ -215,8 +215,11 @@ class Evidence:
             sizes=sizes,
         )
 
-    def forecast(self, target: float) -> Forecast | None:
-        """Return the forecast for this target fraction of the pixels; None without halves."""
+    def forecast(self, target: float) -> int | None:
+        """Return the spp at which this fraction of the pixels is left; None if out of reach.
+
+        It is None without halves, too.
+        """
         if self._model is None or self.estimate is None:
             return None
         found = forecast_from(self.metric, *self._model, self.estimate, target, spp=self.spp)
