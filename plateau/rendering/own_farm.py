@@ -1,5 +1,6 @@
-"""A process tree for one job: from a scene to what its caller fetches of it."""
+"""A process tree of one's own: for one job, from a scene to its results, or for many."""
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleLimits, inspect_bundle, known_plugins
-from plateau.farm.model.renderers import renderer_of, variant_for
+from plateau.farm.model.renderers import AUTO, renderer_of, variant_for, variant_named
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
 from plateau.metric.kernel_cache import are_compiled
@@ -18,6 +19,7 @@ from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
+from plateau.worker.supervisor.gpus import cards
 from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
+_MOST_WORKERS: Final = 8
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
 
@@ -44,8 +47,7 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     CommandFailed
         This machine lacks the variant, or folders or open files; a rule cannot judge the image.
     """
-    settings = read_settings()
-    check_ground(settings, caches=True, has_redis=True)
+    settings = settings_here()
     parameters = spec.parameter_strings()
     limits = BundleLimits(plugins=known_plugins(settings.plugins))
     with pack(scene, parameters) as packed:
@@ -58,8 +60,24 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    _check_variant(variant, settings.cache)
+    check_variant(variant, settings.cache)
     return settings
+
+
+def settings_here() -> "Settings":
+    """The settings of the environment; raises `CommandFailed` where a farm cannot start here."""
+    settings = read_settings()
+    check_ground(settings, caches=True, has_redis=True)
+    return settings
+
+
+def workers_for(variant: str) -> int:
+    """How many workers do many small jobs best: one a GPU, or else one a core, each with a thread.
+
+    Each has a scene in its memory. While one loads or hands over, others render.
+    """
+    on_gpu = variant == AUTO or variant_named(variant).on_gpu
+    return (len(cards("uuid")) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
 
 
 def render_alone(
@@ -90,18 +108,53 @@ def render_alone(
         Fetches from the client what is wanted of the ended job; may call its last argument when
         nothing more is asked of the service.
     """
+    # The wait for the workers counts: no other job keeps them.
+    spec = spec.model_copy(update={"time_limit_from": "submission"})
+    with own_farm(
+        settings,
+        interrupts,
+        spec,
+        workers=workers,
+        threads=threads,
+        tell=lambda line: shown.note(line),
+    ) as (tree, client):
+        shown = progress(client)
+        job = _run(client, scene, spec, tree, interrupts, shown)
+        return job, fetch(client, job, tree.wind_down)
+
+
+@contextmanager
+def own_farm(
+    settings: "Settings",
+    interrupts: Interrupts,
+    spec: JobSpec,
+    *,
+    workers: int,
+    threads: int | None,
+    tell: Callable[[str], None],
+) -> Iterator[tuple[Tree, "Client"]]:
+    """A farm for as long as the context lasts, and its client; call the tree's `check` often.
+
+    Parameters
+    ----------
+    settings
+        Those of `checked_settings`.
+    spec
+        The workers fit it, whatever the settings say.
+    workers, threads
+        As for `render_alone`.
+    tell
+        Called with a line about each process that is started again.
+    """
     alone = settings.model_copy(
         update={
             "redis_url": None,
             "blobs": None,
             "threads": threads or settings.threads,
-            # The workers are for this job alone, whatever the settings say.
             "pool": spec.pool,
             "tags": spec.requires,
         }
     )
-    # The wait for the workers counts: no other job keeps them.
-    spec = spec.model_copy(update={"time_limit_from": "submission"})
     with (
         _temporary_data() as data,
         Tree(
@@ -110,7 +163,7 @@ def render_alone(
             interrupts,
             workers=workers,
             door=Door(open_to_all=True),  # only this process knows its port
-            tell=lambda line: shown.note(line),
+            tell=tell,
             most_deaths=_MOST_DEATHS,
             is_temporary=True,
         ) as tree,
@@ -121,12 +174,10 @@ def render_alone(
         from plateau.client import Client
 
         with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
-            shown = progress(client)
-            job = _run(client, scene, spec, tree, interrupts, shown)
-            return job, fetch(client, job, tree.wind_down)
+            yield tree, client
 
 
-def _check_variant(variant: str, cache: Path) -> None:
+def check_variant(variant: str, cache: Path) -> None:
     """Refuse a variant that the workers will lack: the job would wait for ever.
 
     The cache keeps the result, so the workers need not try again.
