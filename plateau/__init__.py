@@ -45,7 +45,8 @@ if TYPE_CHECKING:
         VisibleSpec,
     )
     from plateau.farm.model.states import JobState
-    from plateau.rendering.mapping import Mapped, map  # noqa: A004
+    from plateau.rendering.mapped import Mapped
+    from plateau.rendering.mapping import map  # noqa: A004
     from plateau.rendering.render import RenderFailed, render
     from plateau.rendering.result import Result
 
@@ -97,7 +98,7 @@ __all__ = [
 _HOMES: Final = {
     "InvalidSpec": "plateau.farm.model.errors",
     "JobState": "plateau.farm.model.states",
-    "Mapped": "plateau.rendering.mapping",
+    "Mapped": "plateau.rendering.mapped",
     "RenderFailed": "plateau.rendering.render",
     "Result": "plateau.rendering.result",
     "map": "plateau.rendering.mapping",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plateau.errors import needs
 from plateau.farm.model.aovs import AOVS
-from plateau.rendering.mapping import Mapped
+from plateau.rendering.mapped import Mapped
 
 if TYPE_CHECKING:
     import numpy as np

@@ -18,7 +18,7 @@ from plateau.errors import CommandFailed
 from plateau.farm.process.durable import sync
 from plateau.files.held import held
 from plateau.files.out_folder import make_writable
-from plateau.rendering.mapping import Task
+from plateau.rendering.mapped import Task
 
 NAME: Final = "manifest.jsonl"
 _PART: Final = ".plateau-part"

@@ -27,7 +27,8 @@ from plateau.farm.model.scene_roots import at_home
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.files.frames import each
-from plateau.rendering.mapping import Task, spec_for
+from plateau.rendering.mapped import Task
+from plateau.rendering.mapping import spec_for
 
 if sys.version_info >= (3, 11):
     import tomllib

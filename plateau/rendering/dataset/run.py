@@ -16,7 +16,8 @@ from plateau.rendering.dataset import manifest
 from plateau.rendering.dataset.layouts import files_of
 from plateau.rendering.dataset.manifest import FAILED, Manifest
 from plateau.rendering.dataset.recipe import Recipe
-from plateau.rendering.mapping import Mapped, Place, Task, rendered
+from plateau.rendering.mapped import Mapped, Task
+from plateau.rendering.mapping import Place, rendered
 from plateau.terminal.dataset_progress import Course
 
 _EXR: Final = "image.exr"

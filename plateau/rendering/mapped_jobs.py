@@ -1,0 +1,209 @@
+"""The jobs of `plateau.map` that are under way on a farm: submitted some at a time, and fetched."""
+
+import os
+import secrets
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
+from typing import Any, Final
+
+from plateau.client import ApiError, Client
+from plateau.client.submission import spec_of
+from plateau.errors import needs
+from plateau.farm.bundle import BundleError
+from plateau.farm.model.errors import InvalidSpec
+from plateau.farm.model.seeds import JOB_SEEDS
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.rendering.mapped import Mapped, Task
+from plateau.rendering.result import Result
+
+_TICK_S: Final = 0.25
+_EXR: Final = "image.exr"
+#: How far the seed of an independent input is from that of its reference: odd, as the number of
+#: seeds is often a power of two.
+_APART: Final = JOB_SEEDS // 2 + 1
+#: Answers of a service that are the caller's fault, and no scene's.
+_NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
+
+
+class MappedJobs:
+    """The images that are under way on a farm."""
+
+    def __init__(self, client: Client, spec: JobSpec, window: int, *, independent: bool) -> None:
+        self._client = client
+        self._window, self._chunk = window, max(1, window // 3)
+        self._name = f"map-{secrets.token_hex(4)}"
+        self._batches = 0
+        self._lock = threading.Lock()
+        self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
+        self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
+        self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
+        self._pool = ThreadPoolExecutor(window + 1, thread_name_prefix="map")
+        self._specs = [spec]
+        if independent:
+            fixed = {"name": "fixed", "spp": spec.inputs[-1]}
+            alone = {"watch": (), "variance": False, "min_spp": None, "step": spec.slice_spp}
+            self._specs = [
+                spec_of(spec, {"inputs": ()}),
+                spec_of(spec, {"rule": fixed, **alone}),
+            ]
+
+    def results(self, tasks: Iterator[Task], *, ordered: bool) -> Iterator[Mapped | None]:
+        """Yield each image, and None a few times a second while there is none."""
+        submissions: set[Future[list[tuple[Task, Any]]]] = set()
+        fetches: set[Future[Mapped]] = set()
+        ready: dict[int, Mapped] = {}
+        following: list[int] = []  # in their order, those that were not yielded
+        waiting: list[Task] = []
+        while True:
+            # One submission at a time keeps jobs in the order of their tasks.
+            room = self._window - len(following)
+            if not submissions and room >= self._chunk:
+                waiting += islice(tasks, self._chunk - len(waiting))
+                if alike := _alike(waiting):
+                    del waiting[: len(alike)]
+                    following += [one.index for one in alike]
+                    submissions.add(self._pool.submit(self._submit, alike))
+            if not following:
+                return
+            under_way: set[Future[Any]] = {*submissions, *fetches}
+            now = wait(under_way, _TICK_S, FIRST_COMPLETED).done
+            for made in submissions & now:
+                submissions.discard(made)
+                for task, jobs in made.result():
+                    if isinstance(jobs, str):
+                        ready[task.index] = Mapped(task=task, failure=jobs)
+                    else:
+                        fetches.add(self._pool.submit(self._fetch, task, jobs))
+            for done in fetches & now:
+                fetches.discard(done)
+                ready[done.result().index] = done.result()
+            yield None
+            while following and (ready if not ordered else following[0] in ready):
+                index = following[0] if ordered else next(iter(ready))
+                following.remove(index)
+                yield ready.pop(index)
+
+    def close(self) -> None:
+        """Cancel what is under way; nobody waits for it any more."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for batch in [name for name, jobs in self._open.items() if jobs]:
+            with suppress(Exception):
+                self._client.cancel_batch(batch)
+
+    def _submit(self, tasks: Sequence[Task]) -> list[tuple[Task, Any]]:
+        """Submit alike tasks; returns for each the ids of its jobs, or why there is none."""
+        try:
+            made = [self._jobs(tasks, spec, far * _APART) for far, spec in enumerate(self._specs)]
+        except (BundleError, InvalidSpec, ApiError, _MakerFailed) as error:
+            if isinstance(error, ApiError) and (
+                error.status >= 500 or error.status in _NOT_OF_A_SCENE
+            ):
+                raise
+            if len(tasks) == 1:
+                return [(tasks[0], str(error))]
+            middle = len(tasks) // 2  # the others are not to blame
+            return self._submit(tasks[:middle]) + self._submit(tasks[middle:])
+        return list(zip(tasks, zip(*made, strict=True), strict=True))
+
+    def _jobs(self, tasks: Sequence[Task], spec: JobSpec, apart: int) -> list[str]:
+        """The ids of the jobs of alike tasks, in their order."""
+        first = tasks[0]
+        self._batches += 1
+        name = f"{self._name}-{self._batches}"
+        shared = spec.model_copy(update={"batch": name, "sensor": first.sensor})
+        scene, values = first.scene, [dict(one.parameters) for one in tasks]
+        if callable(scene):
+            scene, values = _made(scene, first), [{}]
+        path = scene if isinstance(scene, Mapping) else os.fspath(scene)
+        stored = None if isinstance(path, Mapping) else self._known.get(path)
+        frame = (first.index + apart) % JOB_SEEDS
+        try:
+            self._client.submit_batch(stored or path, values, shared, first_frame=frame)
+        except ApiError as error:
+            if stored is None or error.status in _NOT_OF_A_SCENE:
+                raise
+            # Parameters may name files that the stored bundle lacks.
+            self._client.submit_batch(path, values, shared, first_frame=frame)
+        jobs = list(self._client.all_jobs(batch=name))
+        if not isinstance(path, Mapping):
+            self._known[path] = jobs[0].scene_sha256
+        with self._lock:
+            self._open[name] = {job.id for job in jobs}
+        by_frame = {(job.spec.frame_seed - frame) % JOB_SEEDS: job.id for job in jobs}
+        return [by_frame[place] for place in range(len(tasks))]
+
+    def _fetch(self, task: Task, jobs: Sequence[str]) -> Mapped:
+        """Wait for the jobs of a task, and fetch them."""
+        results = [self._fetched(job_id) for job_id in jobs]
+        failed = next((one for one in results if not one.has_image), None)
+        found = Mapped(task=task, result=results[0], noisy=(*results, None)[1])
+        if failed is not None:
+            return replace(found, failure=failed.reason)
+        if results[0].state is JobState.FAILED:
+            return replace(found, failure=results[0].reason)
+        if found.noisy is not None and _overlap(results[0], found.noisy):
+            why = "its variant has too few seeds for inputs that are independent of the image"
+            return replace(found, failure=why)
+        return found
+
+    def _fetched(self, job_id: str) -> Result:
+        job = self._client.wait(job_id)
+        result = Result.fetched(self._client, job, (_EXR,), with_curve=self._has_values)
+        batch = job.spec.batch or ""
+        with self._lock:
+            jobs = self._open.get(batch, {job_id})
+            jobs.discard(job_id)
+        if not jobs:
+            with suppress(ApiError):  # such as a key that may not delete
+                self._client.delete_batch(batch)
+        return result
+
+
+class _MakerFailed(Exception):
+    """A user's callable made no scene; the message says why."""
+
+
+def _made(maker: Callable[..., Mapping[str, Any]], task: Task) -> Mapping[str, Any]:
+    try:
+        made = maker(**task.parameters)
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        raise _MakerFailed(f"{task.scene_name} raised {what}") from error
+    if not isinstance(made, Mapping):
+        raise _MakerFailed(
+            f"{task.scene_name} made a {type(made).__name__}: a callable makes a Mitsuba dict"
+        )
+    return made
+
+
+def _alike(tasks: Sequence[Task]) -> list[Task]:
+    """The first tasks that can be submitted together: neighbours of one scene and sensor."""
+    alike: list[Task] = []
+    for one in tasks:
+        if alike:
+            first, last = alike[0], alike[-1]
+            is_single = callable(one.scene) or isinstance(one.scene, Mapping)
+            if is_single or one.scene != first.scene or one.sensor != first.sensor:
+                break
+            if one.index != last.index + 1:
+                break
+        alike.append(one)
+    return alike
+
+
+def _overlap(image: Result, inputs: Result) -> bool:
+    """Whether two images have samples in common."""
+    with needs("images"):
+        from plateau.farm.images.exr import decode_header
+
+    ranges = []
+    for one in (image, inputs):
+        header = decode_header(one.files[_EXR])
+        ranges.append([int(header[f"plateau:{end}_seed"]) for end in ("first", "last")])
+    (first, last), (other_first, other_last) = ranges
+    return first <= other_last and other_first <= last
