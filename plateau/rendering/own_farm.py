@@ -1,9 +1,11 @@
-"""A process tree for one job: from a scene to what its caller fetches of it."""
+"""A farm for one run: processes on this machine, and workers here or on the nodes of an engine."""
 
+import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -21,6 +23,7 @@ from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
     from plateau.client import Client
+    from plateau.engines.fleet import Fleet
     from plateau.farm.process.settings import Settings
     from plateau.farm.wire.views import JobView
     from plateau.terminal.progress import Progress
@@ -33,7 +36,7 @@ _PATIENCE_S: Final = 60.0
 _Fetched = TypeVar("_Fetched")
 
 
-def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
+def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Settings":
     """The settings of the environment, once all is checked that can be before a start.
 
     Raises
@@ -41,10 +44,15 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     BundleError
         The scene cannot be packed or is not allowed.
     CommandFailed
-        This machine lacks the variant, or folders or open files; a rule cannot judge the image.
+        This machine lacks folders or open files, or, where it renders, the variant; a rule cannot
+        judge the image; there is no such engine.
     """
+    if on is not None:
+        from plateau.engines.start import named
+
+        named(on)
     settings = read_settings()
-    check_ground(settings, caches=True, has_redis=True)
+    check_ground(settings, caches=on is None, has_redis=True)
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
@@ -53,8 +61,114 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    _check_variant(variant, settings.cache)
+    if on is None:
+        _check_variant(variant, settings.cache)
     return settings
+
+
+@dataclass(eq=False)
+class OwnFarm:
+    """A farm that is this process's own; `own_farm` starts one."""
+
+    client: "Client"
+    _tree: Tree
+    _fleet: "Fleet | None"
+    _tell: Callable[[str], None]
+
+    def check(self) -> None:
+        """Restart what died, and pass on news; call it a few times a second.
+
+        Raises
+        ------
+        PlateauError
+            It cannot go on: a process of this machine dies again and again, or no node can work.
+        """
+        self._tree.check()
+        if self._fleet is not None:
+            self._fleet.check(self._tell)
+
+    def give_back(self) -> None:
+        """Give the engine's nodes back: nothing more is to be rendered."""
+        if self._fleet is not None:
+            self._fleet.give_back()
+
+    def wind_down(self) -> None:
+        """Ask all but Redis to stop, without a wait; call no `check` afterwards."""
+        self.give_back()
+        self._tree.wind_down()
+
+
+@contextmanager
+def own_farm(
+    settings: "Settings",
+    interrupts: Interrupts,
+    *,
+    workers: int,
+    tell: Callable[[str], None],
+    on: str | None = None,
+    threads: int | None = None,
+    pool: str | None = None,
+    tags: tuple[str, ...] = (),
+) -> Iterator[OwnFarm]:
+    """Run a farm while the context lasts, whose workers are for the caller's jobs alone.
+
+    Parameters
+    ----------
+    settings
+        Those of `checked_settings`, or of `plateau.processes.read_settings`.
+    interrupts
+        The first one ends the start by `KeyboardInterrupt`; the second one forces the stop.
+    workers, threads
+        Number of workers, and threads of each; None for the cores of this machine, shared by the
+        workers, or those that the engine gives each.
+    tell
+        Called with a line about each restart and each change among the nodes.
+    on
+        The engine that brings the workers, with its options: ``slurm --partition=cpu``. None for
+        this machine. `plateau.engines` has more.
+    pool, tags
+        Of the workers: what the jobs ask for, whatever the settings say.
+
+    Raises
+    ------
+    plateau.errors.PlateauError
+        It could not start.
+    """
+    alone = settings.model_copy(
+        update={
+            "redis_url": None,
+            "blobs": None,
+            "threads": threads or (settings.threads if on is None else None),
+            "pool": pool or settings.pool,
+            "tags": tags,
+        }
+    )
+    with ExitStack() as stack:
+        data = stack.enter_context(_temporary_data())
+        tree = Tree(
+            alone,
+            data,
+            interrupts,
+            workers=workers if on is None else 0,
+            door=Door(open_to_all=True),  # only this process knows its port
+            tell=tell,
+            most_deaths=_MOST_DEATHS,
+            is_temporary=True,
+            secret="" if on is None else secrets.token_hex(16),
+        )
+        stack.enter_context(tree)
+        fleet = None
+        # These imports take place while the tree's processes start.
+        if on is not None:
+            from plateau.engines.start import nodes
+
+            fleet = stack.enter_context(nodes(on, tree, workers))
+        import plateau.rendering.outputs
+        import plateau.terminal.progress  # noqa: F401
+        from plateau.client import Client
+
+        client = stack.enter_context(Client(tree.await_api(), patience_s=_PATIENCE_S))
+        yield OwnFarm(client, tree, fleet, tell)
 
 
 def render_alone(
@@ -65,6 +179,7 @@ def render_alone(
     *,
     workers: int,
     threads: int | None,
+    on: str | None,
     progress: Callable[["Client"], "Progress"],
     fetch: Callable[["Client", "JobView", Callable[[], None]], _Fetched],
 ) -> tuple["JobView", _Fetched]:
@@ -77,48 +192,29 @@ def render_alone(
     interrupts
         The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
         before the job is submitted.
-    workers, threads
-        Number of workers, and threads of each; None for the machine's cores, shared by the workers.
+    workers, threads, on
+        Those of `own_farm`.
     progress
         Makes what shows the job.
     fetch
         Fetches from the client what is wanted of the ended job; may call its last argument when
         nothing more is asked of the service.
     """
-    alone = settings.model_copy(
-        update={
-            "redis_url": None,
-            "blobs": None,
-            "threads": threads or settings.threads,
-            # The workers are for this job alone, whatever the settings say.
-            "pool": spec.pool,
-            "tags": spec.requires,
-        }
-    )
     # The wait for the workers counts: no other job keeps them.
     spec = spec.model_copy(update={"time_limit_from": "submission"})
-    with (
-        _temporary_data() as data,
-        Tree(
-            alone,
-            data,
-            interrupts,
-            workers=workers,
-            door=Door(open_to_all=True),  # only this process knows its port
-            tell=lambda line: shown.note(line),
-            most_deaths=_MOST_DEATHS,
-            is_temporary=True,
-        ) as tree,
-    ):
-        # These imports take place while the tree's processes start.
-        import plateau.rendering.outputs
-        import plateau.terminal.progress  # noqa: F401
-        from plateau.client import Client
-
-        with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
-            shown = progress(client)
-            job = _run(client, scene, spec, tree, interrupts, shown)
-            return job, fetch(client, job, tree.wind_down)
+    with own_farm(
+        settings,
+        interrupts,
+        workers=workers,
+        threads=threads,
+        on=on,
+        pool=spec.pool,
+        tags=spec.requires,
+        tell=lambda line: shown.note(line),
+    ) as farm:
+        shown = progress(farm.client)
+        job = _run(farm, scene, spec, interrupts, shown)
+        return job, fetch(farm.client, job, farm.wind_down)
 
 
 def _check_variant(variant: str, cache: Path) -> None:
@@ -143,24 +239,21 @@ def _check_variant(variant: str, cache: Path) -> None:
 
 
 def _run(
-    client: "Client",
-    scene: Path,
-    spec: JobSpec,
-    tree: Tree,
-    interrupts: Interrupts,
-    shown: "Progress",
+    farm: OwnFarm, scene: Path, spec: JobSpec, interrupts: Interrupts, shown: "Progress"
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
     from plateau.rendering.follow import cancelling, follow
 
-    job = client.submit(scene, spec)
-    cancel_if_asked = cancelling(client, job.id, interrupts, shown)
+    job = farm.client.submit(scene, spec)
+    cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)
 
-    def tick() -> None:
-        tree.check()
-        cancel_if_asked()
+    def tick(job: "JobView") -> None:
+        if job.state.ended:  # its results are still to come
+            farm.give_back()
+        farm.check()
+        cancel_if_asked(job)
 
-    return follow(client, job.id, shown, tick)
+    return follow(farm.client, job.id, shown, tick)
 
 
 @contextmanager

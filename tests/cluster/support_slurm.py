@@ -179,6 +179,10 @@ class Slurm:
         slurmd.wait()
         psutil.wait_procs(family, timeout=30)
 
+    def processes(self) -> list[psutil.Process]:
+        """Every process of a job on any node."""
+        return [one for node in NODES for one in self._family(node)]
+
     def _family(self, node: str) -> list[psutil.Process]:
         """What a node has started: its jobs, all that those have started, and their keepers."""
         found: dict[int, psutil.Process] = {}

@@ -1,0 +1,161 @@
+"""The workers of one run: as many as were asked for, for as long as the run lasts."""
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from queue import SimpleQueue
+from typing import Final
+
+from plateau.engines.contract import Engine, Task, TaskState
+from plateau.engines.front import Front
+from plateau.errors import CommandFailed, PlateauError
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.waits import Backoff
+
+#: Between two looks at the batch system, which answers everybody: longer while nothing changes.
+_LOOK_S: Final = (0.5, 15.0)
+#: A worker that fails is replaced this often in a run, and once more for each that was asked for.
+_REPLACED: Final = 3
+_PATIENCE_S: Final = 5.0
+
+_THERE: Final = (TaskState.WAITS, TaskState.RUNS)
+
+
+class Fleet:
+    """Keeps an engine's workers at a number, in a thread; a context, which gives all nodes back.
+
+    A worker whose node was taken away, died, or reached a time limit is replaced. So is one that
+    failed, a few times.
+
+    Parameters
+    ----------
+    engine, front
+        What brings the workers, and where they report.
+    python
+        Their interpreter, for messages.
+    wanted
+        Number of workers.
+    living
+        The number of workers whose heartbeats are heard; may raise `StoreUnavailable`.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        front: Front,
+        *,
+        python: str,
+        wanted: int,
+        living: Callable[[], int],
+    ) -> None:
+        self._engine, self._front, self._python = engine, front, python
+        self._wanted, self._living = wanted, living
+        self._over = threading.Event()
+        self._asking = threading.Lock()  # no worker is asked for after `give_back`
+        self._thread = threading.Thread(target=self._keep, name="fleet", daemon=True)
+        self._error: Exception | None = None
+        self._notes: SimpleQueue[str] = SimpleQueue()
+        self._seen: tuple[Task, ...] = ()
+        self._told = ""
+        self._heard = False  # of any worker: so the nodes can work
+        self._ended: dict[str, Task] = {}
+
+    def __enter__(self) -> "Fleet":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.give_back()
+
+    def check(self, tell: Callable[[str], None]) -> None:
+        """Pass on the news; raise the error after which there will be no worker."""
+        while not self._notes.empty():
+            tell(self._notes.get())
+        if self._error is not None and not self._over.is_set():
+            raise self._error
+
+    def give_back(self) -> None:
+        """End all workers at once, and ask for none any more."""
+        if not self._over.is_set():
+            with self._asking:
+                self._over.set()
+            self._engine.release()
+            self._thread.join(_PATIENCE_S)
+
+    def _keep(self) -> None:
+        try:
+            self._ask(self._wanted)
+            backoff = Backoff(*_LOOK_S)
+            while not self._over.wait(backoff.delay_s()):
+                try:
+                    found = tuple(self._engine.tasks())
+                except PlateauError as error:
+                    self._tell(f"{error}; trying again")
+                    continue
+                if found != self._seen:
+                    backoff.reset()
+                self._look(found)
+        except Exception as error:  # noqa: BLE001  (`check` raises it in the other thread)
+            self._error = error
+
+    def _ask(self, count: int) -> None:
+        with self._asking:
+            if not self._over.is_set():
+                self._engine.ask(count)
+
+    def _look(self, found: tuple[Task, ...]) -> None:
+        """Say what has changed, and replace the workers that have gone."""
+        if self._over.is_set():
+            return
+        if not self._heard:
+            try:
+                self._heard = self._living() > 0
+            except StoreUnavailable:
+                return
+        news = [task for task in found if task.state not in _THERE and task.id not in self._ended]
+        self._ended.update((task.id, task) for task in news)
+        there = [task for task in found if task.state in _THERE]
+        runs = [task for task in there if task.state is TaskState.RUNS]
+        failed = self._of(TaskState.FAILED)
+        if failed and not runs and not self._heard:
+            raise CommandFailed(f"no node can work for this run: {self._why(failed[0])}")
+        for task in news:
+            if task.state is TaskState.FAILED:
+                self._notes.put(self._why(task))
+        lost = len(self._of(TaskState.CANCELLED)) + max(
+            0, len(failed) - _REPLACED - self._wanted if self._heard else len(failed)
+        )
+        if lost >= self._wanted and not there:
+            raise CommandFailed(
+                f"no worker is left: {self._why(failed[-1])}"
+                if failed
+                else "somebody cancelled all workers of this run"
+            )
+        if found == self._seen:  # it has lasted
+            self._tell(_summary(there, runs, self._wanted))
+        self._seen = found
+        missing = self._wanted - len(there) - lost
+        if missing > 0:
+            self._ask(missing)
+
+    def _of(self, state: TaskState) -> list[Task]:
+        return [task for task in self._ended.values() if task.state is state]
+
+    def _why(self, task: Task) -> str:
+        words = f" ({task.why})" if task.why else ""
+        return f"{task.node or task.id}: {self._front.unfit(task.code, self._python)}{words}"
+
+    def _tell(self, line: str) -> None:
+        if line != self._told:
+            self._told = line
+            self._notes.put(line)
+
+
+def _summary(there: Sequence[Task], runs: Sequence[Task], wanted: int) -> str:
+    """How many workers run, and what the others wait for."""
+    reasons = Counter(task.why for task in there if task.state is TaskState.WAITS)
+    waits = ", ".join(
+        f"{count} wait{'s' * (count == 1)} ({why})" if why else f"{count} to come"
+        for why, count in reasons.most_common()
+    )
+    return f"nodes: {len(runs)} of {wanted} workers run{f'; {waits}' if waits else ''}"

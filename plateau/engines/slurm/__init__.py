@@ -1,0 +1,183 @@
+"""Workers by Slurm, through its commands sbatch, squeue, scontrol and scancel.
+
+It uses options that Slurm has had for ten years, and no JSON output, whose format depends on the
+version. Slurm itself knows which tasks are the run's, by their name.
+"""
+
+import getpass
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from plateau.engines.contract import Crew, Task, TaskState
+from plateau.errors import CommandFailed, PlateauError
+
+#: Longest wait for a command: a controller may be busy, or be taken over by its backup.
+_PATIENCE_S: Final = 60.0
+
+_WAITING: Final = frozenset(
+    ("PENDING", "REQUEUED", "REQUEUE_FED", "REQUEUE_HOLD", "RESV_DEL_HOLD", "SPECIAL_EXIT")
+)
+#: Another worker takes the place of one that ended so.
+_LEFT: Final = frozenset(
+    ("COMPLETED", "TIMEOUT", "DEADLINE", "NODE_FAIL", "PREEMPTED", "BOOT_FAIL", "REVOKED")
+)
+_FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
+
+#: Variables of the Slurm job in which the command itself may run.
+_OF_A_JOB: Final = re.compile(r"SLURM_(?!CONF$).*")
+_LAST_WORDS: Final = 400  #: characters
+
+
+class SlurmFailed(PlateauError):
+    """A command of Slurm failed; the message quotes it."""
+
+
+class Slurm:
+    """The workers of one run; `plateau.engines.contract.Engine` explains the methods.
+
+    A task writes its log into the folder of the command, if it is there on the node, and the
+    command removes it. ``--output=…`` among the options names another file.
+    """
+
+    def __init__(self, options: Sequence[str], crew: Crew) -> None:
+        missing = [
+            one for one in ("sbatch", "squeue", "scontrol", "scancel") if shutil.which(one) is None
+        ]
+        if missing:
+            raise CommandFailed(
+                f"these commands of Slurm are not on the PATH: {', '.join(missing)}. Run this on a "
+                "machine that can submit jobs to Slurm (a login node), and put its commands on the "
+                "PATH"
+            )
+        self._crew, self._options = crew, tuple(options)
+        self._logs = Path.cwd() if os.access(Path.cwd(), os.W_OK) else None
+        self._keeper: subprocess.Popen[bytes] | None = None
+        self._ended: dict[str, Task] = {}
+
+    def ask(self, count: int) -> None:
+        """Submit an array of this many tasks."""
+        if self._keeper is None:
+            self._keeper = self._keep()
+        environment = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith("PLATEAU_") and not _OF_A_JOB.fullmatch(name)
+        }
+        output = "/dev/null" if self._logs is None else str(self._logs / f"{self._log('%A_%a')}")
+        threads = self._crew.threads
+        _run(
+            "sbatch",
+            f"--output={output}",
+            *([] if threads is None else [f"--cpus-per-task={threads}"]),
+            *self._options,
+            # Of two equal options, sbatch takes the last.
+            "--parsable",
+            "--export=ALL",
+            f"--array=1-{count}",
+            f"--job-name={self._crew.name}",
+            str(files(__name__) / "worker.sbatch"),
+            environment={
+                **environment,
+                **self._crew.environment,
+                "PLATEAU_PYTHON": self._crew.python,
+            },
+        )
+
+    def tasks(self) -> Sequence[Task]:
+        """The tasks that Slurm remembers; it forgets those that ended after some minutes."""
+        rows = _run(
+            "squeue",
+            "--noheader",
+            "--array",
+            "--states=all",
+            *self._own(),
+            "--format=%i|%T|%N|%r",
+        )
+        tasks = [self._task(*row.split("|", 3)) for row in rows.splitlines()]
+        return sorted(tasks, key=lambda task: [int(n) for n in re.findall(r"\d+", task.id)])
+
+    def release(self) -> None:
+        """Cancel all tasks of this name, and remove their logs."""
+        if self._keeper is not None:
+            self._keeper.communicate(
+                timeout=_PATIENCE_S
+            )  # it cancels them, as if this process had been killed
+            self._keeper = None
+            for log in self._logs.glob(self._log("*")) if self._logs is not None else ():
+                with suppress(OSError):
+                    log.unlink()
+
+    def _keep(self) -> "subprocess.Popen[bytes]":
+        """A process that cancels the tasks once this one closes its pipe, or is killed."""
+        return subprocess.Popen(
+            ["sh", "-c", 'read _; exec scancel --quiet "$@"', "sh", *self._own()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def _task(self, task: str, state: str, node: str, reason: str) -> Task:
+        if state in _WAITING:
+            return Task(id=task, state=TaskState.WAITS, why="" if reason == "None" else reason)
+        if state == "CANCELLED":
+            return Task(id=task, state=TaskState.CANCELLED, node=node)
+        if state in _LEFT:
+            return Task(id=task, state=TaskState.LEFT, node=node)
+        if state in _FAILED:
+            if task not in self._ended:
+                self._ended[task] = self._failed(task, node)
+            return self._ended[task]
+        return Task(id=task, state=TaskState.RUNS, node=node)
+
+    def _failed(self, task: str, node: str) -> Task:
+        told = re.search(r" ExitCode=(\d+):", _run("scontrol", "--oneliner", "show", "job", task))
+        words = ""
+        if self._logs is not None:
+            with suppress(OSError):
+                words = (self._logs / self._log(task)).read_text("utf-8", "replace")
+        return Task(
+            id=task,
+            state=TaskState.FAILED,
+            node=node,
+            code=int(told[1]) if told else None,
+            why=" ".join(words[-_LAST_WORDS:].split()),
+        )
+
+    def _own(self) -> tuple[str, ...]:
+        """Options that mean the tasks of this run."""
+        return f"--name={self._crew.name}", f"--user={getpass.getuser()}"
+
+    def _log(self, task: str) -> str:
+        return f"{self._crew.name}-{task}.log"
+
+
+def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
+    """The output of a command."""
+    try:
+        done = subprocess.run(
+            command,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=_PATIENCE_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise SlurmFailed(
+            f"Slurm's {command[0]} did not answer within {_PATIENCE_S:g} s; `scontrol ping` says "
+            "whether its controller runs"
+        ) from error
+    if done.returncode:
+        words = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
+        raise SlurmFailed(f"Slurm's {command[0]} failed: {words}")
+    return done.stdout.strip()
