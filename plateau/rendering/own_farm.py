@@ -1,4 +1,4 @@
-"""A farm for one run: processes on this machine, and workers here or on the nodes of an engine."""
+"""A farm of one's own: processes of this machine, and workers here or on an engine's nodes."""
 
 import secrets
 import shutil
@@ -44,15 +44,10 @@ def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Sett
     BundleError
         The scene cannot be packed or is not allowed.
     CommandFailed
-        This machine lacks folders or open files, or, where it renders, the variant; a rule cannot
-        judge the image; there is no such engine.
+        This machine lacks the variant, or folders or open files; a rule cannot judge the image;
+        there is no such engine.
     """
-    if on is not None:
-        from plateau.engines.start import named
-
-        named(on)
-    settings = read_settings()
-    check_ground(settings, caches=on is None, has_redis=True)
+    settings = settings_here(on)
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
@@ -62,15 +57,25 @@ def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Sett
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     if on is None:
-        _check_variant(variant, settings.cache)
+        check_variant(variant, settings.cache)
+    return settings
+
+
+def settings_here(on: str | None = None) -> "Settings":
+    """The settings of the environment; raises `CommandFailed` where a farm cannot start here."""
+    if on is not None:
+        from plateau.engines.start import named
+
+        named(on)
+    settings = read_settings()
+    check_ground(settings, caches=on is None, has_redis=True)
     return settings
 
 
 @dataclass(eq=False)
 class OwnFarm:
-    """A farm that is this process's own; `own_farm` starts one."""
+    """A farm of one's own: the processes of this machine, and the nodes of an engine."""
 
-    client: "Client"
     _tree: Tree
     _fleet: "Fleet | None"
     _tell: Callable[[str], None]
@@ -78,17 +83,15 @@ class OwnFarm:
     def check(self) -> None:
         """Restart what died, and pass on news; call it a few times a second.
 
-        Raises
-        ------
-        PlateauError
-            It cannot go on: a process of this machine dies again and again, or no node can work.
+        Raises `PlateauError` where a process of this machine dies again and again, or no node can
+        work.
         """
         self._tree.check()
         if self._fleet is not None:
             self._fleet.check(self._tell)
 
     def give_back(self) -> None:
-        """Give the engine's nodes back: nothing more is to be rendered."""
+        """Give the engine's nodes back at once: nothing more is to be rendered."""
         if self._fleet is not None:
             self._fleet.give_back()
 
@@ -102,45 +105,39 @@ class OwnFarm:
 def own_farm(
     settings: "Settings",
     interrupts: Interrupts,
+    spec: JobSpec,
     *,
     workers: int,
+    threads: int | None,
     tell: Callable[[str], None],
     on: str | None = None,
-    threads: int | None = None,
-    pool: str | None = None,
-    tags: tuple[str, ...] = (),
-) -> Iterator[OwnFarm]:
-    """Run a farm while the context lasts, whose workers are for the caller's jobs alone.
+) -> Iterator[tuple[OwnFarm, "Client"]]:
+    """A farm for as long as the context lasts, and its client; call its `check` often.
 
     Parameters
     ----------
     settings
-        Those of `checked_settings`, or of `plateau.processes.read_settings`.
+        Those of `checked_settings` or `settings_here`.
     interrupts
         The first one ends the start by `KeyboardInterrupt`; the second one forces the stop.
+    spec
+        The workers fit it, whatever the settings say.
     workers, threads
-        Number of workers, and threads of each; None for the cores of this machine, shared by the
-        workers, or those that the engine gives each.
+        Number of workers, and threads of each; None for the machine's cores, shared by the workers,
+        or those that the engine gives.
     tell
-        Called with a line about each restart and each change among the nodes.
+        Called with a line about each process that is started again, and news of the nodes.
     on
-        The engine that brings the workers, with its options: ``slurm --partition=cpu``. None for
-        this machine. `plateau.engines` has more.
-    pool, tags
-        Of the workers: what the jobs ask for, whatever the settings say.
-
-    Raises
-    ------
-    plateau.errors.PlateauError
-        It could not start.
+        The engine that brings the workers, and its options: ``slurm --partition=cpu``; None for
+        this machine. See `plateau.engines`.
     """
     alone = settings.model_copy(
         update={
             "redis_url": None,
             "blobs": None,
             "threads": threads or (settings.threads if on is None else None),
-            "pool": pool or settings.pool,
-            "tags": tags,
+            "pool": spec.pool,
+            "tags": spec.requires,
         }
     )
     with ExitStack() as stack:
@@ -168,7 +165,7 @@ def own_farm(
         from plateau.client import Client
 
         client = stack.enter_context(Client(tree.await_api(), patience_s=_PATIENCE_S))
-        yield OwnFarm(client, tree, fleet, tell)
+        yield OwnFarm(tree, fleet, tell), client
 
 
 def render_alone(
@@ -193,7 +190,7 @@ def render_alone(
         The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
         before the job is submitted.
     workers, threads, on
-        Those of `own_farm`.
+        As for `own_farm`.
     progress
         Makes what shows the job.
     fetch
@@ -205,19 +202,18 @@ def render_alone(
     with own_farm(
         settings,
         interrupts,
+        spec,
         workers=workers,
         threads=threads,
-        on=on,
-        pool=spec.pool,
-        tags=spec.requires,
         tell=lambda line: shown.note(line),
-    ) as farm:
-        shown = progress(farm.client)
-        job = _run(farm, scene, spec, interrupts, shown)
-        return job, fetch(farm.client, job, farm.wind_down)
+        on=on,
+    ) as (farm, client):
+        shown = progress(client)
+        job = _run(client, scene, spec, farm, interrupts, shown)
+        return job, fetch(client, job, farm.wind_down)
 
 
-def _check_variant(variant: str, cache: Path) -> None:
+def check_variant(variant: str, cache: Path) -> None:
     """Refuse a variant that the workers will lack: the job would wait for ever.
 
     The cache keeps the result, so the workers need not try again.
@@ -239,13 +235,18 @@ def _check_variant(variant: str, cache: Path) -> None:
 
 
 def _run(
-    farm: OwnFarm, scene: Path, spec: JobSpec, interrupts: Interrupts, shown: "Progress"
+    client: "Client",
+    scene: Path,
+    spec: JobSpec,
+    farm: OwnFarm,
+    interrupts: Interrupts,
+    shown: "Progress",
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
     from plateau.rendering.follow import cancelling, follow
 
-    job = farm.client.submit(scene, spec)
-    cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)
+    job = client.submit(scene, spec)
+    cancel_if_asked = cancelling(client, job.id, interrupts, shown)
 
     def tick(job: "JobView") -> None:
         if job.state.ended:  # its results are still to come
@@ -253,7 +254,7 @@ def _run(
         farm.check()
         cancel_if_asked(job)
 
-    return follow(farm.client, job.id, shown, tick)
+    return follow(client, job.id, shown, tick)
 
 
 @contextmanager
