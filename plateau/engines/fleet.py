@@ -10,6 +10,7 @@ from plateau.engines.contract import Engine, Task, TaskState
 from plateau.engines.front import Front
 from plateau.errors import CommandFailed, PlateauError
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.worker import Worker
 from plateau.farm.process.waits import Backoff
 
 #: Between two looks at the batch system, which answers everybody: longer while nothing changes.
@@ -36,7 +37,7 @@ class Fleet:
     wanted
         Number of workers.
     living
-        The number of workers whose heartbeats are heard; may raise `StoreUnavailable`.
+        The workers whose heartbeats are heard; may raise `StoreUnavailable`.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Fleet:
         *,
         python: str,
         wanted: int,
-        living: Callable[[], int],
+        living: Callable[[], Sequence[Worker]],
     ) -> None:
         self._engine, self._front, self._python = engine, front, python
         self._wanted, self._living = wanted, living
@@ -56,8 +57,9 @@ class Fleet:
         self._error: Exception | None = None
         self._notes: SimpleQueue[str] = SimpleQueue()
         self._seen: tuple[Task, ...] = ()
-        self._told = ""
-        self._heard = False  # of any worker: so the nodes can work
+        self._summary = ""  # that was told last
+        self._told: set[str] = set()
+        self.heard = False  #: of any worker: so the nodes can work
         self._ended: dict[str, Task] = {}
 
     def __enter__(self) -> "Fleet":
@@ -107,23 +109,25 @@ class Fleet:
         """Say what has changed, and replace the workers that have gone."""
         if self._over.is_set():
             return
-        if not self._heard:
-            try:
-                self._heard = self._living() > 0
-            except StoreUnavailable:
-                return
+        try:
+            workers = self._living()
+        except StoreUnavailable:
+            return
+        self.heard = self.heard or bool(workers)
+        for line in {f"{one.host}: {one.trouble}" for one in workers if one.trouble}:
+            self._tell(line)
         news = [task for task in found if task.state not in _THERE and task.id not in self._ended]
         self._ended.update((task.id, task) for task in news)
         there = [task for task in found if task.state in _THERE]
         runs = [task for task in there if task.state is TaskState.RUNS]
         failed = self._of(TaskState.FAILED)
-        if failed and not runs and not self._heard:
+        if failed and not runs and not self.heard:
             raise CommandFailed(f"no node can work for this run: {self._why(failed[0])}")
         for task in news:
             if task.state is TaskState.FAILED:
                 self._notes.put(self._why(task))
         lost = len(self._of(TaskState.CANCELLED)) + max(
-            0, len(failed) - _REPLACED - self._wanted if self._heard else len(failed)
+            0, len(failed) - _REPLACED - self._wanted if self.heard else len(failed)
         )
         if lost >= self._wanted and not there:
             raise CommandFailed(
@@ -131,8 +135,10 @@ class Fleet:
                 if failed
                 else "somebody cancelled all workers of this run"
             )
-        if found == self._seen:  # it has lasted
-            self._tell(_summary(there, runs, self._wanted))
+        summary = _summary(there, runs, self._wanted)
+        if found == self._seen and summary != self._summary:  # it has lasted
+            self._notes.put(summary)
+            self._summary = summary
         self._seen = found
         missing = self._wanted - len(there) - lost
         if missing > 0:
@@ -146,8 +152,9 @@ class Fleet:
         return f"{task.node or task.id}: {self._front.unfit(task.code, self._python)}{words}"
 
     def _tell(self, line: str) -> None:
-        if line != self._told:
-            self._told = line
+        """Pass a line on, once."""
+        if line not in self._told:
+            self._told.add(line)
             self._notes.put(line)
 
 

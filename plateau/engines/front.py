@@ -28,13 +28,13 @@ NOT_LET_IN: Final = os.EX_NOPERM
 KEPT_HERE: Final = frozenset(
     {
         *("PLATEAU_KEY", "PLATEAU_KEY_FILE", "PLATEAU_WEBHOOK_SECRET", "PLATEAU_ALIVE_FILE"),
-        *("PLATEAU_LEAVE_AFTER_S", "PLATEAU_DATA", "PLATEAU_URL", VARIABLE),
+        *("PLATEAU_LEAVE_AFTER_S", "PLATEAU_DATA", "PLATEAU_URL", "PLATEAU_THREADS", VARIABLE),
     }
 )
 _SIOCGIFADDR: Final = 0x8915
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Front:
     """A run's own machine, as a node is told of it."""
 
@@ -47,13 +47,7 @@ class Front:
     @classmethod
     def here(cls, redis_port: int, blobs_port: int, secret: str) -> "Front":
         """This machine."""
-        return cls(
-            hosts=_hosts(),
-            redis_port=redis_port,
-            blobs_port=blobs_port,
-            secret=secret,
-            version=versions.plateau(),
-        )
+        return cls(_hosts(), redis_port, blobs_port, secret, versions.plateau())
 
     @classmethod
     def told(cls) -> "Front | None":

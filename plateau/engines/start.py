@@ -48,7 +48,7 @@ def nodes(on: str, tree: Tree, workers: int) -> Iterator[Fleet]:
                 front,
                 python=crew.python,
                 wanted=workers,
-                living=lambda: len(Workers(client).living()),
+                living=Workers(client).living,
             )
         )
 

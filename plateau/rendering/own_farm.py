@@ -90,6 +90,10 @@ class OwnFarm:
         if self._fleet is not None:
             self._fleet.check(self._tell)
 
+    def has_nodes(self) -> bool:
+        """Whether a worker of an engine's has come."""
+        return self._fleet is not None and self._fleet.heard
+
     def give_back(self) -> None:
         """Give the engine's nodes back at once: nothing more is to be rendered."""
         if self._fleet is not None:
@@ -247,10 +251,16 @@ def _run(
 
     job = client.submit(scene, spec)
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
+    waits_for: str | None = None
 
     def tick(job: "JobView") -> None:
+        nonlocal waits_for
         if job.state.ended:  # its results are still to come
             farm.give_back()
+        elif job.waits_for and farm.has_nodes() and not waits_for:
+            waits_for = client.job(job.id).waits_for
+            if waits_for:  # none of the workers that have come can render it
+                shown.note(f"the job {waits_for}")
         farm.check()
         cancel_if_asked(job)
 

@@ -148,8 +148,8 @@ class TestOneCommand:
         else:  # nobody is left who could tell Slurm
             for one in [psutil.Process(command.process.pid), *command.family()]:
                 one.kill()
-        # That is half a minute of silence, and less than a minute in all
-        until(lambda: not slurm.jobs(), 60)
+        # Who is killed has somebody who tells Slurm; else it takes half a minute of silence
+        until(lambda: not slurm.jobs(), 25 if how == "is killed" else 60)
         psutil.wait_procs(workers, timeout=60)
         assert not any(one.is_running() for one in workers)
         command.is_gone()
@@ -170,6 +170,14 @@ class TestOneCommand:
         assert command.exit_code() == 1
         assert "somebody cancelled all workers of this run" in command.said
         assert slurm.jobs() == {}
+
+    @pytest.mark.long_form
+    def test_says_what_no_node_that_came_can_do(self, run: Run) -> None:
+        job = tuple("cuda_ad_rgb" if one == "scalar_rgb" else one for one in JOB)
+        command = run("--workers", "1", job=job)
+        command.wait_for(r"the job waits for .*cuda_ad_rgb")
+        command.process.send_signal(signal.SIGINT)
+        assert command.exit_code() == 130
 
     @pytest.mark.long_form
     def test_quotes_what_slurm_refuses(self, run: Run, slurm: Slurm) -> None:

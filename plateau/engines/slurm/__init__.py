@@ -30,8 +30,8 @@ _LEFT: Final = frozenset(
 )
 _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 
-#: Variables of the Slurm job in which the command itself may run.
-_OF_A_JOB: Final = re.compile(r"SLURM_(?!CONF$).*")
+#: Variables that nodes have from the crew, and those of the job in which the command may run.
+_NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*")
 _LAST_WORDS: Final = 400  #: characters
 
 
@@ -65,11 +65,7 @@ class Slurm:
         """Submit an array of this many tasks."""
         if self._keeper is None:
             self._keeper = self._keep()
-        environment = {
-            name: value
-            for name, value in os.environ.items()
-            if not name.startswith("PLATEAU_") and not _OF_A_JOB.fullmatch(name)
-        }
+        kept = {n: value for n, value in os.environ.items() if not _NOT_PASSED.fullmatch(n)}
         output = "/dev/null" if self._logs is None else str(self._logs / f"{self._log('%A_%a')}")
         threads = self._crew.threads
         _run(
@@ -84,7 +80,7 @@ class Slurm:
             f"--job-name={self._crew.name}",
             str(files(__name__) / "worker.sbatch"),
             environment={
-                **environment,
+                **kept,
                 **self._crew.environment,
                 "PLATEAU_PYTHON": self._crew.python,
             },
@@ -92,23 +88,16 @@ class Slurm:
 
     def tasks(self) -> Sequence[Task]:
         """The tasks that Slurm remembers; it forgets those that ended after some minutes."""
-        rows = _run(
-            "squeue",
-            "--noheader",
-            "--array",
-            "--states=all",
-            *self._own(),
-            "--format=%i|%T|%N|%r",
-        )
+        options = ("--noheader", "--array", "--states=all", "--format=%i|%T|%N|%r")
+        rows = _run("squeue", *options, *self._own())
         tasks = [self._task(*row.split("|", 3)) for row in rows.splitlines()]
         return sorted(tasks, key=lambda task: [int(n) for n in re.findall(r"\d+", task.id)])
 
     def release(self) -> None:
         """Cancel all tasks of this name, and remove their logs."""
         if self._keeper is not None:
-            self._keeper.communicate(
-                timeout=_PATIENCE_S
-            )  # it cancels them, as if this process had been killed
+            with suppress(subprocess.TimeoutExpired):  # the nodes notice by themselves, later
+                self._keeper.communicate(timeout=_PATIENCE_S)
             self._keeper = None
             for log in self._logs.glob(self._log("*")) if self._logs is not None else ():
                 with suppress(OSError):
@@ -171,6 +160,7 @@ def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
             errors="replace",
             timeout=_PATIENCE_S,
             check=False,
+            start_new_session=True,  # a Ctrl-C in the terminal is not meant for it
         )
     except subprocess.TimeoutExpired as error:
         raise SlurmFailed(
