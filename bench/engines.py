@@ -21,7 +21,7 @@ from typing import Final
 import psutil
 
 from bench.support.processes import timed
-from bench.support.report import Table, machine_table, write_report
+from bench.support.report import machine_table, write_report
 from plateau.engines.front import VARIABLE
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import FixedSpec, JobSpec
@@ -41,8 +41,7 @@ class Run:
 
     first_s: float  #: from the call to the first slice in the ledger
     total_s: float  #: and until the farm has gone
-    rendering_s: float  #: of all workers
-    nodes_s: float  #: the lives of the nodes' processes; 0 without any
+    share: str  #: of the lives of the nodes' processes, what they rendered
     sha256: str  #: of the image's pixels
     others: float  #: the share of the cores that other work took
 
@@ -50,16 +49,10 @@ class Run:
 def main() -> None:
     found = measure()
     rows = [
-        [
-            name,
-            f"{run.first_s:.1f}",
-            f"{run.total_s:.1f}",
-            f"{run.rendering_s / run.nodes_s:.0%}" if run.nodes_s else "–",
-        ]
-        for name, run in found.items()
+        [name, f"{run.first_s:.1f}", f"{run.total_s:.1f}", run.share] for name, run in found.items()
     ]
     settings = {"image": f"{_SIZE}×{_SIZE}, {_SPP} spp"}
-    tables: dict[str, Table] = {
+    tables = {
         "engines": [["", "first slice, s", "all of it, s", "share of node time"], *rows],
         "engines-machine": machine_table(settings, [run.others for run in found.values()]),
     }
@@ -105,27 +98,24 @@ def render(on: str | None, workers: int) -> Run:
                     farm.give_back()
             job = client.job(job.id)
             image = decode_image(client.image(job.id, "image.exr"))
-    return Run(
-        first - began,
-        took.wall_s,
-        job.machine_s,
-        sum(end - start for start, end in nodes.values()),
-        hashlib.sha256(image.tobytes()).hexdigest(),
-        took.others,
-    )
+    nodes_s = sum(end - start for start, end in nodes.values())
+    share = f"{job.machine_s / nodes_s:.0%}" if nodes_s else "–"
+    sha256 = hashlib.sha256(image.tobytes()).hexdigest()
+    return Run(first - began, took.wall_s, share, sha256, took.others)
 
 
 @contextmanager
 def _taken() -> Iterator[dict[int, tuple[float, float]]]:
     """From when to when each process of a node lived, meanwhile: by its process id."""
     lived: dict[int, tuple[float, float]] = {}
-    over = threading.Event()
+    over, began = threading.Event(), time.time()
 
     def look() -> None:
         while not over.wait(_LOOK_S):
             for one in psutil.process_iter():
                 with suppress(psutil.Error):
-                    if one.pid in lived or (one.name() != "sbatch" and VARIABLE in one.environ()):
+                    is_new = one.create_time() > began and one.name() != "sbatch"
+                    if one.pid in lived or (is_new and VARIABLE in one.environ()):
                         lived[one.pid] = one.create_time(), time.time()
 
     thread = threading.Thread(target=look, daemon=True)

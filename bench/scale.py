@@ -6,7 +6,6 @@ Measured are every number of workers with every number of jobs, and given rates 
 monitor and with two.
 """
 
-import argparse
 import statistics
 import tempfile
 import time
@@ -14,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from bench.support.processes import timed
 from bench.support.report import Table, machine_table, p99, write_report
@@ -59,16 +58,7 @@ class Found:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, value in asdict(Plan()).items():
-        many: dict[str, Any] = {"nargs": "*"} if isinstance(value, tuple) else {}
-        kind = type(value[0] if isinstance(value, tuple) else value)
-        option = f"--{name.replace('_', '-')}"
-        parser.add_argument(option, type=kind, default=value, help=f"{value} if not given", **many)
-    given: dict[str, Any] = vars(parser.parse_args())
-    for name, value in given.items():
-        given[name] = tuple(value) if isinstance(value, list) else value
-    plan = Plan(**given)
+    plan = Plan()
     write_report(
         "scale",
         tables(plan, measure(plan)),

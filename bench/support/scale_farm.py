@@ -56,13 +56,7 @@ class ControlPlane:
     Every write to Redis is on disk before it is answered, as always in Plateau.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        blobs: Path,
-        *,
-        monitors: int = 1,
-    ) -> None:
+    def __init__(self, folder: Path, blobs: Path, *, monitors: int = 1) -> None:
         self._folder, self.blobs, self._count = folder, str(blobs), monitors
         self._monitors: list[psutil.Process] = []
         self._over = ExitStack()
@@ -103,16 +97,13 @@ class ControlPlane:
         self._monitors.append(psutil.Process(process.pid))
         return process
 
-    def add_jobs(self, count: int) -> float:
-        """Create jobs; return the seconds until slices of all of them were planned."""
-        started = time.monotonic()
+    def add_jobs(self, count: int) -> None:
+        """Create jobs, and wait until slices of all of them are planned."""
         with ThreadPoolExecutor(_HANDS) as hands:
-            made = list(hands.map(lambda _: self.add_job(), range(count)))
+            made = list(hands.map(lambda _: self._add_job(), range(count)))
         self.wait(lambda: all(self.client.hget(keys.job(one), "planned") or 0 for one in made))
-        return time.monotonic() - started
 
-    def add_job(self) -> str:
-        """Create a job; return its id."""
+    def _add_job(self) -> str:
         return self.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job.id
 
     @contextmanager

@@ -44,19 +44,9 @@ class Engine(Protocol):
     """Workers of one run in a batch system."""
 
     def __init__(self, options: Sequence[str], crew: Crew) -> None:
-        """Check what can be checked at once.
+        """Check what can be checked at once; `PlateauError` where the batch system is not here.
 
-        Parameters
-        ----------
-        options
-            What follows the engine's name in ``--on``, in the batch system's own words.
-        crew
-            The workers.
-
-        Raises
-        ------
-        plateau.errors.PlateauError
-            The batch system is not here, or refuses the options.
+        `options` follow the engine's name in ``--on``, in the batch system's own words.
         """
 
     def ask(self, count: int) -> None:

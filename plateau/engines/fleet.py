@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import Final
 
-from plateau.engines.contract import Engine, Task, TaskState
+from plateau.engines.contract import Crew, Engine, Task, TaskState
 from plateau.engines.front import Front
 from plateau.errors import CommandFailed, PlateauError
 from plateau.farm.model.errors import StoreUnavailable
@@ -30,10 +30,8 @@ class Fleet:
 
     Parameters
     ----------
-    engine, front
-        What brings the workers, and where they report.
-    python
-        Their interpreter, for messages.
+    engine, front, crew
+        What brings the workers, where they report, and what they are.
     wanted
         Number of workers.
     living
@@ -44,12 +42,11 @@ class Fleet:
         self,
         engine: Engine,
         front: Front,
-        *,
-        python: str,
+        crew: Crew,
         wanted: int,
         living: Callable[[], Sequence[Worker]],
     ) -> None:
-        self._engine, self._front, self._python = engine, front, python
+        self._engine, self._front, self._python = engine, front, crew.python
         self._wanted, self._living = wanted, living
         self._over = threading.Event()
         self._asking = threading.Lock()  # no worker is asked for after `give_back`

@@ -22,13 +22,7 @@ from plateau.processes.tree import Tree
 
 @contextmanager
 def nodes(on: str, tree: Tree, workers: int) -> Iterator[Fleet]:
-    """Workers of an engine for the tree, which has a secret, while the context lasts.
-
-    Raises
-    ------
-    CommandFailed
-        There is no such engine; or a `PlateauError` of the engine's own.
-    """
+    """Workers of an engine for the tree, which has a secret, while the context lasts."""
     with ExitStack() as stack:
         engine, options = named(on)
         client = stack.enter_context(connect(tree.redis_url))
@@ -43,13 +37,7 @@ def nodes(on: str, tree: Tree, workers: int) -> Iterator[Fleet]:
             threads=tree.settings.threads,
         )
         yield stack.enter_context(
-            Fleet(
-                engine(options, crew),
-                front,
-                python=crew.python,
-                wanted=workers,
-                living=Workers(client).living,
-            )
+            Fleet(engine(options, crew), front, crew, workers, Workers(client).living)
         )
 
 

@@ -21,13 +21,13 @@ from plateau.errors import CommandFailed, PlateauError
 #: Longest wait for a command: a controller may be busy, or be taken over by its backup.
 _PATIENCE_S: Final = 60.0
 
-_WAITING: Final = frozenset(
-    ("PENDING", "REQUEUED", "REQUEUE_FED", "REQUEUE_HOLD", "RESV_DEL_HOLD", "SPECIAL_EXIT")
-)
-#: Another worker takes the place of one that ended so.
-_LEFT: Final = frozenset(
-    ("COMPLETED", "TIMEOUT", "DEADLINE", "NODE_FAIL", "PREEMPTED", "BOOT_FAIL", "REVOKED")
-)
+_STATES: Final = {
+    "CANCELLED": TaskState.CANCELLED,
+    **dict.fromkeys(("PENDING", "REQUEUED", "REQUEUE_FED"), TaskState.WAITS),
+    **dict.fromkeys(("REQUEUE_HOLD", "RESV_DEL_HOLD", "SPECIAL_EXIT"), TaskState.WAITS),
+    **dict.fromkeys(("COMPLETED", "TIMEOUT", "DEADLINE", "NODE_FAIL"), TaskState.LEFT),
+    **dict.fromkeys(("PREEMPTED", "BOOT_FAIL", "REVOKED"), TaskState.LEFT),
+}
 _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 
 #: Variables that nodes have from the crew, and those of the job in which the command may run.
@@ -57,7 +57,7 @@ class Slurm:
                 "PATH"
             )
         self._crew, self._options = crew, tuple(options)
-        self._logs = Path.cwd() if os.access(Path.cwd(), os.W_OK) else None
+        self._logs = Path.cwd()
         self._keeper: subprocess.Popen[bytes] | None = None
         self._ended: dict[str, Task] = {}
 
@@ -66,7 +66,8 @@ class Slurm:
         if self._keeper is None:
             self._keeper = self._keep()
         kept = {n: value for n, value in os.environ.items() if not _NOT_PASSED.fullmatch(n)}
-        output = "/dev/null" if self._logs is None else str(self._logs / f"{self._log('%A_%a')}")
+        may_write = os.access(self._logs, os.W_OK)
+        output = self._logs / self._log("%A_%a") if may_write else "/dev/null"
         threads = self._crew.threads
         _run(
             "sbatch",
@@ -79,11 +80,7 @@ class Slurm:
             f"--array=1-{count}",
             f"--job-name={self._crew.name}",
             str(files(__name__) / "worker.sbatch"),
-            environment={
-                **kept,
-                **self._crew.environment,
-                "PLATEAU_PYTHON": self._crew.python,
-            },
+            environment={**kept, **self._crew.environment, "PLATEAU_PYTHON": self._crew.python},
         )
 
     def tasks(self) -> Sequence[Task]:
@@ -99,7 +96,7 @@ class Slurm:
             with suppress(subprocess.TimeoutExpired):  # the nodes notice by themselves, later
                 self._keeper.communicate(timeout=_PATIENCE_S)
             self._keeper = None
-            for log in self._logs.glob(self._log("*")) if self._logs is not None else ():
+            for log in self._logs.glob(self._log("*")):
                 with suppress(OSError):
                     log.unlink()
 
@@ -113,32 +110,22 @@ class Slurm:
             start_new_session=True,
         )
 
-    def _task(self, task: str, state: str, node: str, reason: str) -> Task:
-        if state in _WAITING:
-            return Task(id=task, state=TaskState.WAITS, why="" if reason == "None" else reason)
-        if state == "CANCELLED":
-            return Task(id=task, state=TaskState.CANCELLED, node=node)
-        if state in _LEFT:
-            return Task(id=task, state=TaskState.LEFT, node=node)
-        if state in _FAILED:
+    def _task(self, task: str, name: str, node: str, reason: str) -> Task:
+        if name in _FAILED:
             if task not in self._ended:
                 self._ended[task] = self._failed(task, node)
             return self._ended[task]
-        return Task(id=task, state=TaskState.RUNS, node=node)
+        state = _STATES.get(name, TaskState.RUNS)  # or it ends, and has its node
+        waits = state is TaskState.WAITS and reason != "None"
+        return Task(id=task, state=state, node=node, why=reason if waits else "")
 
     def _failed(self, task: str, node: str) -> Task:
         told = re.search(r" ExitCode=(\d+):", _run("scontrol", "--oneliner", "show", "job", task))
-        words = ""
-        if self._logs is not None:
-            with suppress(OSError):
-                words = (self._logs / self._log(task)).read_text("utf-8", "replace")
-        return Task(
-            id=task,
-            state=TaskState.FAILED,
-            node=node,
-            code=int(told[1]) if told else None,
-            why=" ".join(words[-_LAST_WORDS:].split()),
-        )
+        code, words = int(told[1]) if told else None, ""
+        with suppress(OSError):  # the node does not see this folder
+            words = (self._logs / self._log(task)).read_text("utf-8", "replace")
+        why = " ".join(words[-_LAST_WORDS:].split())
+        return Task(id=task, state=TaskState.FAILED, node=node, code=code, why=why)
 
     def _own(self) -> tuple[str, ...]:
         """Options that mean the tasks of this run."""
