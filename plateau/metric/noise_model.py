@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plateau.metric.display import Image, Mask, Plane, as_image, finite_pixels
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from plateau.metric.display import View
@@ -59,6 +60,11 @@ class NoiseModel:
     def pixels(self) -> int:
         """The number of pixels."""
         return self.non_finite.size
+
+    def rows(self, first: int, last: int) -> NoiseModel:
+        """Return the model of the rows first … last − 1, without a focus."""
+        rows = slice(first, last)
+        return NoiseModel(self.clean[rows], self.noise[rows], self.non_finite[rows])
 
     def noisy(self, amount: float) -> Image:
         """Return the clean image plus `amount` times the noise: ±1 is the present noise.
@@ -113,17 +119,26 @@ def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Ha
     for mean in (even, odd):
         if mean.shape != image.shape:
             raise ValueError(f"a half has shape {mean.shape}, the merged image {image.shape}")
-    finite = finite_pixels(image) & finite_pixels(even) & finite_pixels(odd)
-    shown, half = image, even
-    if not finite.all():
-        shown, half = (np.where(finite[..., np.newaxis], pixels, 0) for pixels in (image, even))
-    # Clipped as on the screen, so that noise above white does not spread to its surroundings.
     even_spp, odd_spp = (half.spp for half in halves)
-    spread = np.float32(math.sqrt(even_spp / odd_spp)) * (half - shown)
-    above, below = (_clipped(one, metric.view) for one in (shown + spread, shown - spread))
-    noise = (above - below) * np.float32(0.5)
-    clean = metric.denoised(_clipped(shown, metric.view), noise)
-    return NoiseModel(clean, noise, ~finite)
+    scale = np.float32(math.sqrt(even_spp / odd_spp))
+    clipped, noise = np.empty((2, *image.shape), np.float32)
+    non_finite = np.empty(image.shape[:2], np.bool_)
+
+    def split(first: int, last: int) -> None:
+        rows = slice(first, last)
+        shown, half = image[rows], even[rows]
+        finite = finite_pixels(shown) & finite_pixels(half) & finite_pixels(odd[rows])
+        if not finite.all():
+            shown, half = (np.where(finite[..., np.newaxis], one, 0) for one in (shown, half))
+        # Clipped as on the screen, so that noise above white does not spread to its surroundings.
+        spread = scale * (half - shown)
+        above, below = (_clipped(one, metric.view) for one in (shown + spread, shown - spread))
+        noise[rows] = (above - below) * np.float32(0.5)
+        clipped[rows] = _clipped(shown, metric.view)
+        non_finite[rows] = ~finite
+
+    by_rows(split, non_finite.shape)
+    return NoiseModel(metric.denoised(clipped, noise), noise, non_finite)
 
 
 def _clipped(image: Image, view: View) -> Image:

@@ -15,12 +15,13 @@ import numpy as np
 from plateau.metric.cvvdp import ColorVideoVDP, Display
 from plateau.metric.cvvdp.parameters import JOD_EXPONENT
 from plateau.metric.display import PIXELS_PER_DEGREE, displayed
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric.cvvdp import Quality as Comparison
-    from plateau.metric.display import Plane, View
+    from plateau.metric.display import Image, Plane, View
     from plateau.metric.noise_model import NoiseModel
 
 #: The quality of an image in which nobody sees an error, in JOD.
@@ -33,8 +34,10 @@ DENOISED_ERROR = 0.15
 BLOCK = 32
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
-#: Evaluations in a forecast; each costs one comparison.
+#: The most evaluations in a forecast; each costs one comparison.
 EVALUATIONS = 4
+#: The search ends when the spp changes by less than this factor.
+FINE_ENOUGH = 1.02
 #: What is lost falls as a power of the samples: the initial guess of that power.
 FIRST_POWER = 0.5
 #: Less than this is nothing lost, in JOD.
@@ -114,8 +117,14 @@ class QualityModel:
     def _compared(
         self, amount: float, *, heat: bool = False, zone_size: int | None = None
     ) -> Comparison:
-        noisy = self._eye.percept(displayed(self._model.finite_noisy(amount), self._view))
+        shown = np.empty(self._model.clean.shape, np.float32)
+        by_rows(self._show, shown.shape[:2], amount, shown)
+        noisy = self._eye.percept(shown)
         return self._eye.compare(self._clean, noisy, heat=heat, zone_size=zone_size)
+
+    def _show(self, first: int, last: int, amount: float, out: Image) -> None:
+        noisy = self._model.rows(first, last).finite_noisy(amount)
+        out[first:last] = displayed(noisy, self._view)
 
     def forecast(self, target: float, *, spp: int) -> int | None:
         """Return the spp at which the quality reaches a target in JOD; None if out of reach.
@@ -128,10 +137,12 @@ class QualityModel:
         allowed = math.log(BEST_JOD - target)
         start = here = _log_lost(self.quality.jod)
         place, power = 0.0, FIRST_POWER
-        for _ in range(EVALUATIONS):
+        for evaluation in range(EVALUATIONS):
             if here <= allowed and place == 0:
                 return spp
             step = (here - allowed) / power
+            if evaluation and abs(step) < math.log(FINE_ENOUGH):
+                break
             if place + step > math.log(FURTHEST):
                 return None
             place = max(place + step, 0.0)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from plateau.picture.canvas import areas_of
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -64,7 +66,7 @@ def allotment(
     )
     assert allocated is not None  # the image is that of a round, which has two halves
     chosen = np.flatnonzero(allocated.zones)
-    areas = np.array([zone.width * zone.height for zone in grid.zones()])
+    areas = areas_of(grid).ravel()
     area = int(areas[chosen].sum())
     slice_spp = max(1, round(plan.slice_spp * SLICE_SHARE * plan.pixels / area))
     needed = float(areas @ allocated.needed.ravel())

@@ -132,6 +132,15 @@ class Canvas:
         return slice(top, top + zone.height), slice(left, left + zone.width)
 
 
+def areas_of(grid: Grid) -> NDArray[np.int64]:
+    """Return how many pixels each zone has, (rows, columns)."""
+    rows, columns = (
+        np.diff(np.append(np.arange(0, pixels, grid.size), pixels))
+        for pixels in (grid.height, grid.width)
+    )
+    return np.outer(rows, columns).astype(np.int64)
+
+
 def canvas_of(first: Partial, size: int) -> Canvas:
     """Return the canvas of a job, by the partial of its first slice and the size of its zones."""
     if first.zones:
@@ -176,6 +185,4 @@ class Sampled:
 
     def samples(self, spp: NDArray[np.int64]) -> int:
         """Return the samples of the film at these samples per pixel, (rows, columns)."""
-        grid = self.canvas.grid
-        areas = np.array([zone.width * zone.height for zone in grid.zones()], np.int64)
-        return int(areas @ spp.ravel())
+        return int((areas_of(self.canvas.grid) * spp).sum())

@@ -1,7 +1,9 @@
 """Judges a job's merged image: by the rule that ends it and the rules it watches; and the curve."""
 
 import math
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -25,7 +27,8 @@ from plateau.metric import (
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
-from plateau.picture.allotment import allotment
+from plateau.metric.rows import beside
+from plateau.picture.allotment import Allotment, allotment
 from plateau.picture.denoised import Denoised
 from plateau.picture.merge import Merge
 from plateau.picture.point import (
@@ -117,7 +120,8 @@ class Judge:
         """
         raw = self._evidence(merge)
         evidence = raw if denoised is None else _of_denoised(raw, denoised)
-        verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        allotted = self._allotted(evidence, merge, plan, denoised)
+        verdicts = self._verdicts(evidence)
         visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
         self._curve_map = (merge.spp, visible)
@@ -128,13 +132,8 @@ class Judge:
         self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
         forecast, decided = None, None
         if self._target and not flaw:
-            chosen_by = _by_other_halves(evidence, merge, denoised)
-            if plan is not None and chosen_by is not None and merge.zone_spp is not None:
-                quality = self._rules[self._own].quality_target
-                allotted = allotment(
-                    chosen_by, self._target, plan, merge.zone_spp, quality_target=quality
-                )
-                decided, at = allotted.round, allotted.forecast_spp
+            if allotted is not None:
+                decided, at = allotted.result()
                 forecast = Forecast(at, None, None)
             else:
                 forecast = evidence.forecast(self._target)
@@ -154,6 +153,33 @@ class Judge:
         own = verdicts[self._own]
         expected = self._expected_spp(forecast, self._crossing(own, merge.spp))
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
+
+    def _allotted(
+        self, evidence: Evidence, merge: Merge, plan: Plan | None, denoised: Denoised | None
+    ) -> Future[Allotment] | None:
+        """Begin to choose the zones of a round; None where the image chooses none."""
+        chosen_by = _by_other_halves(evidence, merge, denoised)
+        if not self._target or plan is None or chosen_by is None or merge.zone_spp is None:
+            return None
+        quality = self._rules[self._own].quality_target
+        decide = partial(allotment, chosen_by, self._target, plan, quality_target=quality)
+        return beside(partial(decide, spp=merge.zone_spp))
+
+    def _verdicts(self, evidence: Evidence) -> dict[str, Verdict]:
+        """Have all rules judge: those by the quality, and the others beside them."""
+        by_quality = {name for name, rule in self._rules.items() if rule.by_quality}
+        if not by_quality:
+            return {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        evidence.prepare()
+        others = beside(
+            lambda: {
+                name: rule.judge(evidence)
+                for name, rule in self._rules.items()
+                if name not in by_quality
+            }
+        )
+        own = {name: self._rules[name].judge(evidence) for name in by_quality}
+        return own | others.result()
 
     def _evidence(self, merge: Merge) -> Evidence:
         image = merge.image()

@@ -60,8 +60,13 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
 
 
 def plain_environment() -> dict[str, str]:
-    """Return this process's environment without credentials for Redis or the blob store."""
-    return {name: os.environ[name] for name in _PLAIN if name in os.environ}
+    """Return this process's environment without credentials for Redis or the blob store.
+
+    NumPy's BLAS has one thread: each reserves memory, and a child whose memory is limited could not
+    import NumPy on a machine with 16 cores. No child multiplies matrices.
+    """
+    kept = {name: os.environ[name] for name in _PLAIN if name in os.environ}
+    return kept | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def limit(kind: int, most: int) -> None:

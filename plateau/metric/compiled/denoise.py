@@ -9,6 +9,7 @@ import numpy as np
 from plateau.metric.compiled.jit import entry_point, kernel
 from plateau.metric.denoise import BANDS, CAUTION, LEAST_ENERGY, planar
 from plateau.metric.pyramid import KERNEL
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from plateau.metric.display import Image, Plane
@@ -26,11 +27,11 @@ def denoised(image: Image, noise: Image) -> Image:
     for band in range(BANDS):
         gap = 2**band
         coarse, noise_coarse = smoothed(rest, gap), smoothed(noise_rest, gap)
-        _energies(rest, coarse, energy)
-        _energies(noise_rest, noise_coarse, noise_energy)
+        by_rows(_energies, energy.shape, rest, coarse, energy)
+        by_rows(_energies, energy.shape, noise_rest, noise_coarse, noise_energy)
         local = smoothed(energy, gap)
         noise_local = smoothed(smoothed(noise_energy, 2 * gap), gap)
-        _keep(rest, coarse, local, noise_local, kept)
+        by_rows(_keep, kept.shape, rest, coarse, local, noise_local, kept)
         rest, noise_rest = coarse, noise_coarse
     clean: Image = np.moveaxis(kept + rest, 0, -1)
     return clean
@@ -40,13 +41,13 @@ def smoothed(planes: Plane, gap: int) -> Plane:
     """Return the bits of `plateau.metric.denoise.smoothed`."""
     stack = np.ascontiguousarray(planes).reshape(-1, *planes.shape[-2:])
     out = np.empty_like(stack)
-    _smooth(stack, gap, np.empty(stack.shape[-1], np.float32), out)
+    by_rows(_smooth, stack.shape, stack, gap, out)
     return out.reshape(planes.shape)
 
 
 @entry_point
-def _energies(rest: Plane, coarse: Plane, out: Plane) -> None:
-    for y in range(out.shape[0]):
+def _energies(first: int, last: int, rest: Plane, coarse: Plane, out: Plane) -> None:
+    for y in range(first, last):
         _add_squares(
             rest[0, y], coarse[0, y], rest[1, y], coarse[1, y], rest[2, y], coarse[2, y], out[y]
         )
@@ -73,9 +74,17 @@ def _add_squares(
 
 
 @entry_point
-def _keep(rest: Plane, coarse: Plane, energy: Plane, noise_energy: Plane, kept: Plane) -> None:
+def _keep(
+    first: int,
+    last: int,
+    rest: Plane,
+    coarse: Plane,
+    energy: Plane,
+    noise_energy: Plane,
+    kept: Plane,
+) -> None:
     gain = np.empty_like(energy[0])
-    for y in range(energy.shape[0]):
+    for y in range(first, last):
         _find_gain(energy[y], noise_energy[y], gain)
         for channel in range(3):
             _add_kept(rest[channel, y], coarse[channel, y], gain, kept[channel, y])
@@ -95,17 +104,18 @@ def _add_kept(rest: Plane, coarse: Plane, gain: Plane, kept: Plane) -> None:
 
 
 @entry_point
-def _smooth(stack: Plane, gap: int, row: Plane, out: Plane) -> None:
+def _smooth(first: int, last: int, stack: Plane, gap: int, out: Plane) -> None:
+    row = np.empty(stack.shape[2], np.float32)
     for number in range(stack.shape[0]):
         plane, height = stack[number], stack.shape[1]
-        for y in range(height):
-            last = height - 1
+        border = height - 1
+        for y in range(first, last):
             _add_up(
                 plane[y],
                 plane[max(y - gap, 0)],
-                plane[min(y + gap, last)],
+                plane[min(y + gap, border)],
                 plane[max(y - 2 * gap, 0)],
-                plane[min(y + 2 * gap, last)],
+                plane[min(y + 2 * gap, border)],
                 row,
             )
             _along(row, gap, out[number, y])

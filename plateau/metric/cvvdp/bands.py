@@ -61,6 +61,8 @@ _EPSILON_4, _EPSILON_ROOT = _f(EPSILON**CHANNEL_EXPONENT), _f(EPSILON ** (1 / CH
 
 @entry_point
 def contrasts(
+    first: int,
+    last: int,
     reference: Plane,
     coarse_reference: Plane,
     test: Plane,
@@ -70,7 +72,7 @@ def contrasts(
     differences: Plane,
     common: Plane,
 ) -> None:
-    """Write Δ and the smaller contrast of a band, each (channels, H, W).
+    """Write Δ and the smaller contrast of a band's rows first … last − 1, each (channels, H, W).
 
     Channels are the three of a still, or the four of a video. `table` is from `log_sensitivities`;
     contrasts are multiplied by `scale`. The smaller contrast is blurred along the rows if the band
@@ -84,7 +86,7 @@ def contrasts(
     our_light, their_light, row = work[0], work[1], work[2]
     padded = np.empty(width + 2 * _REACH, np.float32)
     place, sensitivity = np.empty(width, np.float32), np.empty(width, np.float32)
-    for y in range(height):
+    for y in range(first, last):
         for channel in range(channels):
             expand_row(coarse_reference[channel], y, coarse_row, ours[channel])
             expand_row(coarse_test[channel], y, coarse_row, theirs[channel])
@@ -185,13 +187,15 @@ def _add_weighed(one: Plane, other: Plane, tap: np.float32, out: Plane) -> None:
 
 @entry_point
 def masked(
+    first: int,
+    last: int,
     differences: Plane,
     common: Plane,
     weights: NDArray[np.float32],
     sums: NDArray[np.float64],
     strength: Plane,
 ) -> None:
-    """Write each row's sum of D² + 2 ε D for every channel into `sums`, (channels, H) float64.
+    """Write the sums of D² + 2 ε D of rows first … last − 1 into `sums`, (channels, H) float64.
 
     `strength` receives the difference of all channels by their weights, (H, W), unless it is empty.
     """
@@ -199,7 +203,7 @@ def masked(
     blurred = min(height, width) > _REACH
     raised = np.empty((channels, width), np.float32)
     mask = np.empty(width, np.float32)
-    for y in range(height):
+    for y in range(first, last):
         for channel in range(channels):
             row, plane = raised[channel], common[channel]
             if blurred:

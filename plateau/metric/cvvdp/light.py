@@ -56,15 +56,17 @@ def power(x: np.float32, exponent: np.float32) -> np.float32:
 
 
 @entry_point
-def opponent(image: NDArray[np.float32], screen: KernelDisplay, out: Plane) -> None:
-    """Write the opponent colour of the light that the screen shows, in cd/m².
+def opponent(
+    first: int, last: int, image: NDArray[np.float32], screen: KernelDisplay, out: Plane
+) -> None:
+    """Write rows first … last − 1: the opponent colour of the light that is shown, in cd/m².
 
     `image` is (H, 3 W), interleaved, `out` (3, H, W). Relative light v is shown as
     L = (peak - black) clip(v exposure, 0, 1) + black + reflected.
     """
     work = np.empty((3, out.shape[2]), np.float32)
     red, green, blue = work[0], work[1], work[2]
-    for y in range(out.shape[1]):
+    for y in range(first, last):
         _split(image[y], red, green, blue)
         for channel in range(3):
             if screen.is_srgb:

@@ -31,6 +31,7 @@ from plateau.metric.cvvdp.pyramid import band_frequencies, expanded
 from plateau.metric.cvvdp.sensitivity import log_sensitivities, sensitivities
 from plateau.metric.cvvdp.video import Video
 from plateau.metric.display import require_same_size
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -174,10 +175,13 @@ class ColorVideoVDP:
         scale = np.float32(1 if band == 0 else 2)
         table = log_sensitivities(frequency)
         differences, common = np.empty_like(ours), np.empty_like(ours)
-        contrasts(ours, our_next, theirs, their_next, table, scale, differences, common)
+        by_rows(
+            *(contrasts, ours.shape, ours, our_next, theirs, their_next),
+            *(table, scale, differences, common),
+        )
         sums, weights = np.empty((channels, height)), _weights(channels)
         strength = np.empty((height, width) if heat else (0, 0), np.float32)
-        masked(differences, common, weights, sums, strength)
+        by_rows(masked, ours.shape, differences, common, weights, sums, strength)
         mean = sums.sum(axis=1) / (height * width)
         if heat and band > 0:
             strength *= np.float32(0.5)
@@ -244,4 +248,10 @@ def _reconstructed(maps: list[Plane]) -> Plane:
     total = maps[-1]
     for finer in reversed(maps[:-1]):
         total = expanded(total, finer.shape) + finer
-    return np.asarray(1 - jod(np.maximum(total, 0)) / 10, np.float32)
+    shares = np.empty(total.shape, np.float32)
+
+    def write(first: int, last: int) -> None:
+        shares[first:last] = 1 - jod(np.maximum(total[first:last], 0)) / 10
+
+    by_rows(write, shares.shape)
+    return shares

@@ -11,6 +11,7 @@ from plateau.metric.cvvdp.light import opponent
 from plateau.metric.cvvdp.parameters import COLOURS
 from plateau.metric.cvvdp.pyramid import band_frequencies, halved
 from plateau.metric.display import as_image
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def write_colours(image: NDArray[np.float32], screen: KernelDisplay, out: Plane)
     """Write the opponent colours of a checked image on a screen into `out`, (3, H, W)."""
     height, width, _ = image.shape
     pixels = np.ascontiguousarray(image).reshape(height, COLOURS * width)
-    opponent(pixels, screen, out)
+    by_rows(opponent, out.shape, pixels, screen, out)
 
 
 def percept_of(channels: Plane, display: Display, fps: float | None = None) -> Percept:

@@ -16,6 +16,7 @@ from plateau.metric.cvvdp.parameters import (
     KERNEL,
     LEAST_FREQUENCY,
 )
+from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +59,7 @@ def halved(level: Plane) -> Plane:
     """
     channels, height, width = level.shape
     out = np.empty((channels, (height + 1) // 2, (width + 1) // 2), np.float32)
-    _halve(level, out)
+    by_rows(_halve, out.shape, level, out)
     return out
 
 
@@ -71,17 +72,17 @@ def expanded(level: Plane, shape: tuple[int, int]) -> Plane:
     (6, 7)
     """
     out = np.empty(shape, np.float32)
-    _expand(level, out)
+    by_rows(_expand, shape, level, out)
     return out
 
 
 @entry_point
-def _halve(level: Plane, out: Plane) -> None:
+def _halve(first: int, last: int, level: Plane, out: Plane) -> None:
     channels, height, width = level.shape
     row = np.empty(width, np.float32)
     for channel in range(channels):
         plane = level[channel]
-        for y in range(out.shape[1]):
+        for y in range(first, last):
             _add_up(
                 plane[_mirrored(2 * y - 2, height)],
                 plane[_mirrored(2 * y - 1, height)],
@@ -137,9 +138,9 @@ def _halve_row(row: Plane, odd_rows: bool, out: Plane) -> None:
 
 
 @entry_point
-def _expand(level: Plane, out: Plane) -> None:
+def _expand(first: int, last: int, level: Plane, out: Plane) -> None:
     row = np.empty(level.shape[1], np.float32)
-    for y in range(out.shape[0]):
+    for y in range(first, last):
         expand_row(level, y, row, out[y])
 
 

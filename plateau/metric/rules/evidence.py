@@ -88,6 +88,10 @@ class Evidence:
         """The merged image, prepared for comparison."""
         return self.metric.percept(self.image)
 
+    def prepare(self) -> None:
+        """Compute what all rules need, so that they may judge on several threads."""
+        _ = self._model, self.finite
+
     @cached_property
     def _model(self) -> tuple[NoiseModel, Percept] | None:
         """The noise model of the merged image, and the percept of its clean image."""

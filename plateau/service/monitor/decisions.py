@@ -116,8 +116,12 @@ def _run_out(known: Known) -> Step:
 
 OPEN: Final = (
     Row(
-        "a turn begins and workers may soon wait",
-        lambda known: known.ledger is Ledger.UNREAD and known.lacks_slices and not known.is_held,
+        "a turn begins and workers may soon wait, or they wait",
+        lambda known: (
+            (known.ledger is Ledger.UNREAD or known.is_dry)
+            and known.lacks_slices
+            and not known.is_held
+        ),
         _plan,
     ),
     # A point of the curve. Its answer stays known until all of this is done.

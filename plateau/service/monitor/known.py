@@ -18,6 +18,8 @@ SHOW_WITHIN_S: Final = 10.0
 _SHOWING: Final = 0.02
 #: The shortest time between two checkpoints.
 SAVE_EVERY_S: Final = 5.0
+#: The most by which a monitor that is slower than the workers plans further ahead.
+_FURTHEST: Final = 8
 #: The fewest new slices in a checkpoint; their partials are about as large as the checkpoint.
 SLICES_PER_CHECKPOINT: Final = 5
 
@@ -62,6 +64,7 @@ class Known:
     denoised: int = 0  #: slices in the image that was denoised last
     flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
+    reach: int = 1  #: by how much more than `enough` is planned, as workers had to wait
     shown_spp: int = 0  #: of the image that this monitor showed last
     shown_at_s: float = float("-inf")  #: when it last showed an image after the first
     shown_in_s: float = 0.0  #: what that took
@@ -133,9 +136,14 @@ class Known:
         return missing > (self.planned - self.merged) // 8
 
     @property
+    def is_dry(self) -> bool:
+        """Whether every planned slice is there, and not yet merged: workers wait for more."""
+        return 0 < self.in_hand == self.planned - self.merged
+
+    @property
     def stop(self) -> int:
         """The first slice that should not be planned yet."""
-        return self._ahead_of_shot.stop(self.plan, self.merged, self.enough)
+        return self._ahead_of_shot.stop(self.plan, self.merged, self.enough * self.reach)
 
     @property
     def _ahead_of_shot(self) -> LookAhead:
@@ -283,7 +291,10 @@ class Known:
     def with_slices(self, found: int, asked: int) -> "Known":
         """Of the slices asked for, this many are committed."""
         ledger = Ledger.READ if found < asked else Ledger.PARTLY_READ
-        return replace(self, in_hand=found, ledger=ledger)
+        known = replace(self, in_hand=found, ledger=ledger)
+        # Workers were faster than this monitor's judging: more slices keep them busy meanwhile.
+        reach = min(2 * self.reach, _FURTHEST) if known.is_dry else self.reach
+        return replace(known, reach=reach)
 
     def with_slice_merged(self) -> "Known":
         """The next slice is in the sums."""

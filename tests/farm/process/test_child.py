@@ -21,6 +21,10 @@ def repeat(stream: IO[bytes]) -> bytes:
         raise LookupError("there is nothing to say")
     if words == b"sleep":
         time.sleep(60)
+    if words == b"numpy":
+        import numpy as np  # noqa: F401
+
+        return str(psutil.Process().num_threads()).encode()
     return words
 
 
@@ -50,6 +54,10 @@ def test_one_process_answers_one_question_after_the_other(helper: HelperProcess)
     (pid,) = running()
     assert ask(helper, many) == many
     assert running() == [pid]
+
+
+def test_numpy_starts_no_threads_which_would_reserve_memory(helper: HelperProcess) -> None:
+    assert ask(helper, b"numpy") == b"1"
 
 
 def test_it_goes_when_it_is_asked_no_more() -> None:

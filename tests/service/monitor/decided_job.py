@@ -276,7 +276,9 @@ class DecidingMonitor:
         match step:
             case steps.PlanSlices(stop, expected_spp):
                 assert not known.job.state.ended
-                assert stop <= min(spec.max_spp // spec.slice_spp, self.sums + self.enough)
+                ahead = self.enough * known.reach
+                assert known.reach <= 8
+                assert stop <= min(spec.max_spp // spec.slice_spp, self.sums + ahead)
                 assert spp <= expected_spp <= spec.max_spp
                 self.write()
                 if not job.state.ended:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -57,8 +58,7 @@ class Grid(NamedTuple):
 
     def zones(self, numbers: Iterable[int] | None = None) -> tuple[Zone, ...]:
         """Return these zones, or all of them."""
-        every = range(self.rows * self.columns)
-        return tuple(map(self.zone, every if numbers is None else numbers))
+        return _all_zones(self) if numbers is None else tuple(map(self.zone, numbers))
 
     def joined(self, numbers: Iterable[int]) -> tuple[Zone, ...]:
         """Return rectangles that cover these zones: neighbours in a row are one.
@@ -81,6 +81,11 @@ class Grid(NamedTuple):
             first, last = zones[0], zones[-1]
             runs.append(Zone(first.x, first.y, last.x + last.width - first.x, first.height))
         return tuple(runs)
+
+
+@lru_cache(maxsize=8)
+def _all_zones(grid: Grid) -> tuple[Zone, ...]:
+    return tuple(map(grid.zone, range(grid.rows * grid.columns)))
 
 
 def pixels_of(zones: Iterable[Zone]) -> int:

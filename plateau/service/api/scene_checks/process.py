@@ -97,7 +97,7 @@ class CheckProcess:
             told = child.ask(lambda to: write_part(to, text), deadline_s, file)
         except NoAnswer as error:
             child.end()
-            raise self._ended(error.status) from error
+            raise self._ended(error) from error
         answer: dict[str, Any] = json.loads(told)
         if answer["is_last"]:
             child.end()
@@ -115,9 +115,10 @@ class CheckProcess:
         if self._child is not None:
             self._child.end()
 
-    def _ended(self, status: int | None) -> Exception:
-        """The error for a process that ended during a check; None: at its deadline."""
-        if status is None:
+    def _ended(self, error: NoAnswer) -> Exception:
+        """The error for a process that ended during a check."""
+        status = error.status
+        if status is None:  # at its deadline
             return CheckTooDear(f"{self._budget.deadline_s:g} s")
         if status == -signal.SIGXCPU:
             return CheckTooDear(f"{self._budget.cpu_s:g} s of CPU time")
@@ -125,5 +126,5 @@ class CheckProcess:
             return CheckEnded()
         how = f"exit code {status}" if status >= 0 else signal.Signals(-status).name
         return BundleError(
-            "not-a-scene", f"the scene cannot be checked: it ends the check with {how}"
+            "not-a-scene", f"the scene cannot be checked: it ends the check with {how} ({error})"
         )
