@@ -2,6 +2,8 @@
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,27 @@ JOB = (
 )
 #: Goes on for as long as a test may.
 ENDLESS_JOB = tuple("500000" if one == "2000" else one for one in JOB)
+
+
+Run = Callable[..., Command]
+
+
+@contextmanager
+def commands(
+    folder: Path, on: str, python: str = sys.executable, **environment: str
+) -> Iterator[Run]:
+    """Starts ``plateau render scenes:box --on …``; none outlives the context."""
+    started: list[Command] = []
+
+    def start(*options: str, job: tuple[str, ...] = JOB, **more: str) -> Command:
+        arguments = ("render", "scenes:box", "-o", str(folder / "out"), *job, "--on", on, *options)
+        told = {"PLATEAU_LEASE_S": "2", **environment, **more}
+        started.append(Command(*arguments, folder=folder / "command", python=python, **told))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.end()
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,13 +14,13 @@ import pytest
 from tests.cluster.conftest import TOOLS
 from tests.cluster.support_engines import (
     ENDLESS_JOB,
-    JOB,
     UNFIT,
+    Run,
     alone,
+    commands,
     interpreter,
     result_of,
 )
-from tests.support.processes.commands import Command
 from tests.support.until import until
 
 pytestmark = pytest.mark.timeout(900)
@@ -42,8 +42,6 @@ for line in sys.stdin:
     print(len(nodes), flush=True)
 cluster.shutdown()
 """
-
-Run = Callable[..., Command]
 
 
 class RayCluster:
@@ -82,22 +80,9 @@ def cluster() -> Iterator[RayCluster]:
 
 
 @pytest.fixture
-def run(cluster: RayCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
-    """Starts commands in a folder of their own."""
-    monkeypatch.chdir(tmp_path)
-    started: list[Command] = []
-
-    def start(*options: str, job: tuple[str, ...] = JOB, **environment: str) -> Command:
-        on = f"ray --address={cluster.address}"
-        arguments = ("render", "scenes:box", "-o", "out", *job, "--on", on, *options)
-        own = {"PLATEAU_LEASE_S": "2", **environment}
-        folder = tmp_path / "command"
-        started.append(Command(*arguments, folder=folder, python=str(PYTHON), **own))
-        return started[-1]
-
-    yield start
-    for command in started:
-        command.end()
+def run(cluster: RayCluster, tmp_path: Path) -> Iterator[Run]:
+    with commands(tmp_path, f"ray --address={cluster.address}", str(PYTHON)) as run:
+        yield run
 
 
 def nodes() -> list[psutil.Process]:

@@ -18,14 +18,15 @@ from tests.cluster.support_engines import (
     JOB,
     UNFIT,
     Result,
+    Run,
     alone,
+    commands,
     interpreter,
     result_of,
 )
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
-from tests.support.processes.commands import Command
 from tests.support.until import until
 
 #: On a busy machine all of it takes many times as long.
@@ -47,8 +48,6 @@ SPEC: dict[str, Any] = {
 ENDLESS = SPEC | {"max_spp": 500_000, "rule": {"name": "fixed", "spp": 500_000}}
 
 long = pytest.mark.long_form
-
-Run = Callable[..., Command]
 
 
 @pytest.fixture(scope="module")
@@ -77,19 +76,9 @@ class TestOneCommand:
 
     @pytest.fixture
     def run(self, slurm: Slurm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
-        """Starts commands in a folder of their own."""
-        monkeypatch.chdir(tmp_path)
-        started: list[Command] = []
-
-        def start(*options: str, on: str = "slurm", job: tuple[str, ...] = JOB, **env: str) -> Any:
-            arguments = ("render", "scenes:box", "-o", "out", *job, "--on", on, *options)
-            environment = {**slurm.environment, "PLATEAU_LEASE_S": "2", **env}
-            started.append(Command(*arguments, folder=tmp_path / "command", **environment))
-            return started[-1]
-
-        yield start
-        for command in started:
-            command.end()
+        monkeypatch.chdir(tmp_path)  # where the logs of the tasks are
+        with commands(tmp_path, "slurm", **slurm.environment) as run:
+            yield run
 
     def test_brings_workers_outlives_a_node_and_gives_all_back(
         self, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
@@ -159,6 +148,10 @@ class TestOneCommand:
         command = run("--workers", "2", job=ENDLESS_JOB)
         command.wait_for(r"\b200 spp")
         first, second = slurm.jobs()
+        # A controller that is away for a while is waited for
+        slurm.stop_controller()
+        command.wait_for("Slurm's squeue failed: .*; trying again")
+        slurm.start_controller()
         # As before a time limit
         slurm.run("scancel", "--batch", "--signal=TERM", first)
         until(lambda: first not in slurm.jobs() and len(slurm.jobs("--states=RUNNING")) == 2)
@@ -181,7 +174,7 @@ class TestOneCommand:
 
     @pytest.mark.long_form
     def test_quotes_what_slurm_refuses(self, run: Run, slurm: Slurm) -> None:
-        command = run(on="slurm --partition=nowhere")
+        command = run("--on", "slurm --partition=nowhere")
         assert command.exit_code() == 1
         assert "Slurm's sbatch failed: " in command.said
         assert "invalid partition specified: nowhere" in command.said
@@ -253,32 +246,8 @@ class TestAWorker:
     def troubles(farm: RealFarm, job_id: str) -> set[str]:
         return {entry.what for entry in farm.jobs.log(job_id) if entry.what != "committed"}
 
-    @pytest.mark.parametrize(
-        "options", [(), ("--full", "--signal=TERM"), ("--batch", "--signal=TERM")]
-    )
-    def test_gives_its_slice_back_whichever_way_it_is_told(
-        self,
-        options: tuple[str, ...],
-        farm: RealFarm,
-        slurm: Slurm,
-        task: Callable[..., str],
-        undisturbed: Outcome,
-    ) -> None:
-        first = task()
-        job = farm.submit(**SPEC)
-        until(lambda: renders(farm, first))
-        assert farm.client.workers()[0].threads == 1
-        # Without an option all its processes are told, the render child too
-        slurm.run("scancel", *options, first)
-        until(lambda: first not in slurm.jobs())
-        assert slurm.end_of(first)[1].startswith("0:")
-        until(lambda: not farm.client.workers())
-        assert self.troubles(farm, job.id) <= {"handed-back"}
-        task()
-        assert_same(outcome(farm, job.id), undisturbed)
-
-    @pytest.mark.parametrize("how", ["requeued", "pushed aside"])
-    def test_comes_back_when_slurm_takes_its_machine_for_a_while(
+    @pytest.mark.parametrize("how", ["cancelled", "told to leave", "requeued", "pushed aside"])
+    def test_gives_its_slice_back_when_it_loses_its_machine(
         self,
         how: str,
         farm: RealFarm,
@@ -290,16 +259,23 @@ class TestAWorker:
         job = farm.submit(**SPEC)
         until(lambda: renders(farm, only))
         (before,) = farm.client.workers()
+        assert (before.threads, before.label) == (1, f"slurm:{only}")
         if how == "requeued":
             slurm.run("scontrol", "requeue", only)
-        else:
+        elif how == "pushed aside":
             urgent = ("--partition=urgent", "--exclusive", "--nodes=2", "--wrap=sleep 3")
             slurm.run("sbatch", *urgent, "--output=/dev/null")
+        else:  # a cancel tells all its processes, the render child too
+            slurm.run(
+                "scancel", *(["--batch", "--signal=TERM"] if how != "cancelled" else []), only
+            )
+            until(lambda: only not in slurm.jobs())
+            assert slurm.end_of(only)[1].startswith("0:")
+            task()
         until(lambda: any(one.id != before.id for one in farm.client.workers()))
         assert_same(outcome(farm, job.id), undisturbed)
         assert self.troubles(farm, job.id) <= {"handed-back"}
         (after,) = farm.client.workers()
-        assert after.label == before.label == f"slurm:{only}"
         assert {one["worker"] for one in farm.jobs.ledger(job.id).values()} == {before.id, after.id}
 
     def test_leaves_before_its_time_is_over(
