@@ -31,7 +31,6 @@ from plateau.processes.interrupts import Interrupts
 from plateau.rendering.own_farm import checked_settings, own_farm
 from plateau.scenes import path_of
 
-_ENGINES: Final = ("slurm", "ray")
 _WORKERS: Final = (1, 2, 4)  #: of one thread each
 _SIZE, _SPP = 256, 400
 _LOOK_S: Final = 0.05
@@ -67,7 +66,7 @@ def measure() -> dict[str, Run]:
     os.environ.update([_OURS])
     render(None, 1)  # compiles, and reads files
     found = {"this machine, 1 worker": render(None, 1)}
-    for engine in _ENGINES:
+    for engine in ("slurm", "ray"):
         with _ray() if engine == "ray" else nullcontext():
             for workers in _WORKERS:
                 name = f"{engine}, {workers} worker{'s' * (workers > 1)}"

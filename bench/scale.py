@@ -9,8 +9,7 @@ monitor and with two.
 import statistics
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Final
@@ -26,10 +25,6 @@ _GRIDS: Final = {
     "scale-latencies": (
         "lease median / p99, commit median / p99, ms",
         ("lease: median", "lease: p99", "commit: median", "commit: p99"),
-    ),
-    "scale-shares": (
-        "Redis / monitor, cores; Redis, µs of a slice",
-        ("Redis", "monitors", "Redis, of a slice"),
     ),
 }
 
@@ -90,16 +85,6 @@ def measure(plan: Plan) -> Found:
     return found
 
 
-@contextmanager
-def _control_plane(plan: Plan, monitors: int = 1) -> Iterator[ControlPlane]:
-    with (
-        tempfile.TemporaryDirectory() as disk,
-        tempfile.TemporaryDirectory(dir=plan.folder) as fast,
-        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
-    ):
-        yield farm
-
-
 def _add_load(
     found: Found,
     plan: Plan,
@@ -109,7 +94,11 @@ def _add_load(
     render_s: float,
     monitors: int = 1,
 ) -> None:
-    with _control_plane(plan, monitors) as farm:
+    with (
+        tempfile.TemporaryDirectory() as disk,
+        tempfile.TemporaryDirectory(dir=plan.folder) as fast,
+        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
+    ):
         farm.add_jobs(jobs)
         with farm.workers(workers, render_s=render_s, size=plan.size) as done:
             time.sleep(1.5 * render_s + plan.warm_s)
@@ -124,7 +113,6 @@ def _add_load(
         "committed": len(slices) / spent.at,
         "merged": spent.merged / spent.at,
         "Redis": spent.redis_cpu_s / spent.at,
-        "Redis, of a slice": 1e6 * spent.redis_cpu_s / max(1, len(slices)),
         "monitors": spent.monitors_cpu_s / spent.at,
         **_latencies(slices),
     }

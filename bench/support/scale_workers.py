@@ -47,7 +47,7 @@ class Crew:
 
 @dataclass(frozen=True)
 class Slice:
-    """A slice that was committed: when, by the monotonic clock, and how long each step took."""
+    """When a slice was committed, by the monotonic clock, and how long each step took."""
 
     at: float
     lease_s: float
