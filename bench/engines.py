@@ -34,7 +34,7 @@ from plateau.scenes import path_of
 _WORKERS: Final = (1, 2, 4)  #: of one thread each
 _SIZE, _SPP = 256, 400
 _LOOK_S: Final = 0.05
-_OURS: Final = ("PLATEAU_BENCH", secrets.token_hex())  #: what our nodes have in their environment
+_OURS: Final = "PLATEAU_BENCH"  #: what our nodes have in their environment, new for each run
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,6 @@ def main() -> None:
 
 def measure() -> dict[str, Run]:
     """Measure every run, by its name; raise if an image is not that of the first."""
-    os.environ.update([_OURS])
     render(None, 1)  # compiles, and reads files
     found = {"this machine, 1 worker": render(None, 1)}
     for engine in ("slurm", "ray"):
@@ -111,18 +110,16 @@ def render(on: str | None, workers: int) -> Run:
 def _taken() -> Iterator[dict[int, tuple[float, float]]]:
     """From when to when each process of a node lived, meanwhile: by its process id."""
     lived: dict[int, tuple[float, float]] = {}
-    over, began = threading.Event(), time.time()
+    over = threading.Event()
+    ours = os.environ[_OURS] = secrets.token_hex()
 
     def look() -> None:
         while not over.wait(_LOOK_S):
             for one in psutil.process_iter():
                 with suppress(psutil.Error):
-                    if one.pid not in lived:
-                        told = one.environ()
-                        is_new = one.create_time() > began and one.name() != "sbatch"
-                        if not is_new or VARIABLE not in told or _OURS not in told.items():
-                            continue
-                    lived[one.pid] = one.create_time(), time.time()
+                    told = {} if one.name() == "sbatch" else one.environ()
+                    if one.pid in lived or (VARIABLE in told and told.get(_OURS) == ours):
+                        lived[one.pid] = lived.get(one.pid, (time.time(), 0))[0], time.time()
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()
