@@ -17,7 +17,7 @@ setup:  ## Make .venv with everything pinned, and find an LLVM
 demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
-test: setup  ## Run every test that a newcomer's machine can run; OPTIONS=--cost says what each part costs
+test: setup  ## Run every test that a newcomer's machine can run
 	$(BIN)/python -m pytest $(SUITE) --durations 20 $(OPTIONS)
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Ray, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
@@ -32,8 +32,14 @@ test-rare: setup  ## What is rare and dear: whole benches, wheel environments, l
 test-long: test-rare  ## The same, and then the long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical -m ""
 
-test-stress: setup  ## The suite again and again, quiet and busy: which tests fail, how often; RUNS=20 LOAD=4
-	$(BIN)/python -m tests.stress --runs $(or $(RUNS),20) --load $(or $(LOAD),4) -- $(SUITE)
+test-stress: SHELL := bash
+test-stress: setup  ## The suite again and again, in random order, every second time beside LOAD busy processes; RUNS=20 LOAD=4
+	@trap 'kill $$(jobs -p) 2> /dev/null' EXIT; trap 'exit 130' INT; red=; \
+	for run in $$(seq $(or $(RUNS),20)); do \
+	  [ $$((run % 2)) = 1 ] || for busy in $$(seq $(or $(LOAD),4)); do yes > /dev/null & done; \
+	  CI=true $(BIN)/python -m pytest -q $(SUITE) --file-order $$run || red="$$red $$run"; \
+	  kill $$(jobs -p) 2> /dev/null; \
+	done; echo "red runs: $${red:-none}"; [ -z "$$red" ]
 
 test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \

@@ -185,9 +185,7 @@ def points(
         if is_look:
             row[-1] = replace(row[-1], is_look=True)
             ahead = row[-1].seen[BLEND].forecast(Visible().target)
-            expected_spp = spec.rule.behaviour.expected_end_spp(
-                None if ahead is None else ahead.spp
-            )
+            expected_spp = spec.rule.behaviour.expected_end_spp(ahead)
             plan = plan.with_point(slices, expected_spp)
     return row
 

@@ -2,8 +2,9 @@
 
 Mitsuba's own `render` gets the samples per pass that are fastest for it, the farm's pass kernel
 likewise; they alternate in one process, on one scene that is prepared once. Then `plateau render`
-renders the same scenes to 9.5 JOD, all in one: what a user waits for. With ``--rooms`` the zips of
-a folder are rendered too, such as Benedikt Bitterli's rooms ("Rendering Resources").
+renders the same scenes to 9.5 JOD, by zones and by frames: what a user waits for. ``--renders``
+leaves out the first. With ``--rooms`` the zips of a folder are rendered too, such as Benedikt
+Bitterli's rooms ("Rendering Resources").
 
 It runs with any variant (``--variant llvm_ad_rgb``), and says which card it had. The report is
 written after each case, so that a run that is cut off leaves what it has measured.
@@ -46,11 +47,13 @@ class Plan:
     spp: tuple[int, ...] = (4, 16, 64, 256)  #: of a pass, to choose the fastest from
     pairs: int = 5
     rooms: Path | None = None
+    rates: bool = True  #: whether to measure samples per second
     jod: float = 9.5
     limit_s: int = 60  #: of a whole render: a room's target may be hours away
     out: str = "gpu"  #: the report's name
 
 
+ALLOCATIONS: Final = ("zones", "frame")
 SMALL: Final = Plan(sizes=((32, 32),), spp=(4, 8), pairs=2, jod=5.0, out="gpu-small")
 
 
@@ -60,13 +63,17 @@ def main() -> None:
     parser.add_argument("--rooms", type=Path, help="a folder with zips of more scenes")
     parser.add_argument("--limit", type=int, default=Plan.limit_s, help="of a whole render, in s")
     parser.add_argument("--pairs", type=int, default=Plan.pairs)
+    parser.add_argument("--renders", action="store_true", help="whole renders alone")
     parser.add_argument("--small", action="store_true", help="a dry run, of tiny images")
     asked = parser.parse_args()
     plan = replace(
         SMALL if asked.small else Plan(pairs=asked.pairs, limit_s=asked.limit),
         variant=asked.variant,
         rooms=asked.rooms,
+        rates=not asked.renders,
     )
+    if asked.renders:
+        plan = replace(plan, out=f"{plan.out}-renders")
     measure(plan, SCENES[:1] if asked.small else SCENES)
 
 
@@ -96,11 +103,13 @@ def measure(plan: Plan, scenes: tuple[str, ...] = SCENES) -> None:
                 load = Load(folder=str(scene), entry=entry, parameters=parameters)
                 table: Table = [["case", "what", "value"]]
                 try:
-                    for found in (
-                        _rates(plan, load),
-                        _whole(plan, scene, parameters, Path(folder) / "results"),
-                    ):
-                        table += [[case, what, _in_words(values)] for what, values in found]
+                    for what, values in _rates(plan, load) if plan.rates else ():
+                        table.append([case, what, _in_words(values)])
+                    for allocation in ALLOCATIONS:
+                        way = f"{case}, by {allocation}"
+                        options = parameters, {"--allocation": allocation}
+                        for what, values in _whole(plan, scene, *options, Path(folder) / "results"):
+                            table.append([way, what, _in_words(values)])
                 except Exception as error:  # noqa: BLE001 - the others are measured nevertheless
                     notes.append(f"{case}: {type(error).__name__}: {error}")
                 write_report(plan.out, {"gpu": table}, settings=_settings(plan), notes=notes)
@@ -186,10 +195,12 @@ def _has_equal_bits(kernel: Any, ours: Callable[[int, int], NDArray[np.float32]]
     return len({hashlib.sha256(film.tobytes()).digest() for film in films}) == 1
 
 
-def _whole(plan: Plan, scene: Path, parameters: dict[str, str], out: Path) -> Iterator[_Found]:
+def _whole(
+    plan: Plan, scene: Path, parameters: dict[str, str], options: dict[str, Any], out: Path
+) -> Iterator[_Found]:
     """Yield what `plateau render` takes to the target, and what its machine does meanwhile."""
     shutil.rmtree(out, ignore_errors=True)
-    options = {
+    options |= {
         "--variant": plan.variant,
         "--rule": f"jod:target={plan.jod}",
         "--time-limit": plan.limit_s,

@@ -158,7 +158,7 @@ def forecast_table(every: Sequence[Series]) -> Table:
         true, found = one.true_spp(TARGET), one.forecast.get(str(spp))
         if found is None or true is None or spp >= true:
             return "–"
-        return f"{found[0] / true:.2f}" + ("" if found[1] <= true <= found[2] else " *")
+        return f"{found / true:.2f}"
 
     head = ["scene", "true", *(f"at {spp:,} spp" for spp in _FORECAST_AT)]
     return [

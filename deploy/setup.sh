@@ -87,7 +87,7 @@ if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   find_redis
   find_llvm
   find_chromium
-  say "compiling the metric (some 10 s, once)"
+  say "compiling the model of vision (half a minute, once)"
   .venv/bin/python -c 'from plateau.picture.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from
 fi

@@ -10,7 +10,7 @@ This module lies below `plateau.farm` and `plateau.metric`, which do not import 
 imports no numerics.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import cache
 from types import MappingProxyType
@@ -152,10 +152,14 @@ class StoppingRule:
     unit: ClassVar[str] = ""
     #: Whether that is the quality by ColorVideoVDP: jobs with the rule have a map of it.
     by_quality: ClassVar[bool] = False
+    #: Whether that is an error, which falls by powers of ten, as a plot shows it.
+    is_error: ClassVar[bool] = False
     #: Whether it needs four independent parts of the slices: of whole frames, as rendered.
     by_quarters: ClassVar[bool] = False
     #: The fewest pixels across and down of an image that it can judge.
     least_side: ClassVar[int] = 1
+    #: The spp at which it foresees by itself that its target is reached, by the last image.
+    foreseen_spp: int | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -226,7 +230,9 @@ class StoppingRule:
         end_spp = self.value_of(ParameterRole.END_SPP)
         if end_spp is not None:
             return int(end_spp)
-        expected = crossing_spp if self.noise_target is None else forecast_spp
+        expected = self.foreseen_spp or (
+            crossing_spp if self.noise_target is None else forecast_spp
+        )
         return None if expected is None else max(expected, self.least_spp)
 
 

@@ -36,7 +36,6 @@ _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plat
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--file-order", type=int, metavar="SEED", help="shuffle the files of tests")
-    parser.addoption("--cost", action="store_true", help="tell what each folder of tests costs")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -61,12 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)  # which no program inherits
-    from tests.support.cost import Cost
     from tests.support.processes.own_processes import own_processes
-
-    if config.getoption("--cost"):
-        spread = number is None and config.getoption("numprocesses", None)
-        config.pluginmanager.register(Cost(counts=not spread))
 
     stack = ExitStack()
     if "TESTS_CACHE" not in os.environ:  # shared by all processes of ``-n``, which inherit it

@@ -102,8 +102,8 @@ class Series:
     truth: list[int] = field(default_factory=list)  #: D(reference, I_n) after every slice
     #: By spp: the half-buffer estimate with its band, in pixels.
     estimate: dict[str, list[float]] = field(default_factory=dict)
-    #: By spp: the forecast of the spp at which 0.1 % are left, with its band.
-    forecast: dict[str, list[int]] = field(default_factory=dict)
+    #: By spp: the forecast of the spp at which 0.1 % are left.
+    forecast: dict[str, int] = field(default_factory=dict)
     #: By rule, and ours by step: ``reverse @100``.
     stops: dict[str, Stop] = field(default_factory=dict)
     spp_s: list[float] = field(default_factory=list)  #: core seconds of one spp, slice by slice
@@ -273,5 +273,5 @@ def _look_ahead(found: Series, seen: Evidence) -> None:
     estimate, ahead, spp = seen.estimate, seen.forecast(TARGET), str(seen.spp)
     if estimate is not None:
         found.estimate[spp] = [estimate.pixels, estimate.low_pixels, estimate.high_pixels]
-    if ahead is not None and None not in (ahead.spp, ahead.low_spp, ahead.high_spp):
-        found.forecast[spp] = [ahead.spp or 0, ahead.low_spp or 0, ahead.high_spp or 0]
+    if ahead is not None:
+        found.forecast[spp] = ahead

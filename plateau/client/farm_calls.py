@@ -10,15 +10,8 @@ from plateau.farm.wire.usage_views import Usage
 from plateau.farm.wire.views import Scenes, SceneView, TargetNames, Workers
 
 
-def _asked(
-    by: str, since: date | str | None, until: date | str | None, limit: int | None
-) -> dict[str, str]:
-    """The parameters; a `datetime` is a `date`, too."""
-    asked = {"by": by, "since": _text(since), "until": _text(until), "limit": limit}
-    return {name: str(value) for name, value in asked.items() if value is not None}
-
-
 def _text(time: date | str | None) -> str | None:
+    """A time as the service reads it; a `datetime` is a `date`, too."""
     if isinstance(time, datetime):
         return time.isoformat(timespec="seconds")
     return time.isoformat() if isinstance(time, date) else time
@@ -65,21 +58,9 @@ class FarmCalls(Calls):
         ApiError
             ``invalid-request``, for example where `until` is not later than `since`.
         """
-        return self._transport.read(Usage, "/v1/usage", params=_asked(by, since, until, limit))
-
-    def usage_csv(
-        self,
-        by: Grouping = "week",
-        *,
-        since: date | str | None = None,
-        until: date | str | None = None,
-        limit: int | None = None,
-    ) -> str:
-        """The same as CSV."""
-        asked = _asked(by, since, until, limit)
-        return self._transport.send(
-            "GET", "/v1/usage", params=asked, headers={"Accept": "text/csv"}
-        ).text
+        asked = {"by": by, "since": _text(since), "until": _text(until), "limit": limit}
+        params = {name: str(value) for name, value in asked.items() if value is not None}
+        return self._transport.read(Usage, "/v1/usage", params=params)
 
     def scenes(self) -> list[SceneView]:
         """The stored scenes; `Client.submit` takes one by its SHA-256."""

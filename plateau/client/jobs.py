@@ -1,5 +1,6 @@
 """Calls that submit, show, list and steer jobs."""
 
+import math
 import secrets
 from collections.abc import Iterator
 from typing import Any, Final
@@ -109,7 +110,7 @@ class JobCalls(Calls):
         """The current state of the job."""
         return self._transport.read(JobView, f"/v1/jobs/{job_id}")
 
-    def jobs(
+    def all_jobs(
         self,
         *,
         state: JobState | None = None,
@@ -117,10 +118,11 @@ class JobCalls(Calls):
         owner: str | None = None,
         search: str | None = None,
         deleted: bool | None = False,
-        cursor: str | None = None,
-        limit: int = 50,
-    ) -> JobPage:
-        """A page of jobs, newest first; `all_jobs` fetches all pages.
+        limit: int | None = None,
+    ) -> Iterator[JobView]:
+        """Every such job, newest first; pages are fetched as they are needed.
+
+        Jobs submitted in the meantime are left out.
 
         Parameters
         ----------
@@ -131,10 +133,8 @@ class JobCalls(Calls):
             owner's name or a required tag.
         deleted
             Whether only deleted jobs, or only others; None for both.
-        cursor
-            `next_cursor` of the previous page.
         limit
-            Most jobs on the page, 1 to 200.
+            Most jobs; None for all of them.
 
         Raises
         ------
@@ -147,40 +147,17 @@ class JobCalls(Calls):
             "owner": owner,
             "search": search,
             "deleted": _whether(deleted),
-            "cursor": cursor,
-            "limit": limit,
         }
-        params = {name: value for name, value in asked.items() if value is not None}
-        return self._transport.read(JobPage, "/v1/jobs", params=params)
-
-    def all_jobs(
-        self,
-        *,
-        state: JobState | None = None,
-        batch: str | None = None,
-        owner: str | None = None,
-        search: str | None = None,
-        deleted: bool | None = False,
-    ) -> Iterator[JobView]:
-        """Every such job, newest first; pages are fetched as they are needed.
-
-        Jobs submitted in the meantime are left out. The parameters are those of `jobs`.
-        """
-        cursor = None
-        while True:
-            page = self.jobs(
-                state=state,
-                batch=batch,
-                owner=owner,
-                search=search,
-                deleted=deleted,
-                cursor=cursor,
-                limit=_LARGEST_PAGE,
-            )
+        params: dict[str, Any] = {name: one for name, one in asked.items() if one is not None}
+        left = math.inf if limit is None else limit
+        while left > 0:
+            params["limit"] = min(left, _LARGEST_PAGE)
+            page = self._transport.read(JobPage, "/v1/jobs", params=params)
             yield from page.jobs
-            cursor = page.next_cursor
-            if cursor is None:
+            left -= len(page.jobs)
+            if page.next_cursor is None:
                 return
+            params["cursor"] = page.next_cursor
 
     def cancel(self, job_id: str) -> JobView:
         """Cancel the job; the image merged so far is kept. Cancelling it again is harmless.

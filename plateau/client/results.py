@@ -56,7 +56,7 @@ class ResultCalls(Calls):
         dict
             ``spp``, ``visible_pixels`` and ``non_finite_pixels`` are int64; ``at`` is datetime64,
             in UTC; each rule's ``NAME_stop`` is bool; all others, among them ``visible_fraction``,
-            ``slope``, ``estimate_pixels``, ``forecast_spp`` and each rule's ``NAME_value``, are
+            ``slope``, ``estimate_pixels``, ``expected_spp`` and each rule's ``NAME_value``, are
             float64, with NaN where nothing is known.
 
         Raises

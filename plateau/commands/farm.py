@@ -12,7 +12,7 @@ from plateau.errors import tell
 from plateau.farm.model.usage import Grouping
 
 if TYPE_CHECKING:
-    from plateau.farm.wire.usage_views import UsageRow
+    from plateau.farm.model.usage import UsageRow
 
 
 @app.command()
@@ -63,14 +63,15 @@ def usage(
     core hours saved. The total goes to standard error. Removed jobs do not count any more.
     """
     from plateau.farm.wire.figures import significant
+    from plateau.farm.wire.usage_views import usage_csv
 
     if as_csv and as_json:
         raise typer.BadParameter("--csv and --json are two forms: choose one")
     with connect(url) as client:
-        if as_csv:
-            print(client.usage_csv(by, since=since, until=until), end="")
-            return
         found = client.usage(by, since=since, until=until)
+    if as_csv:
+        print(usage_csv(found), end="")
+        return
     if as_json:
         print(found.model_dump_json(indent=2))
         return

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from plateau.farm.wire.batch_views import BatchLineView
     from plateau.farm.wire.views import JobView, SceneView
 
-_PAGE = 100
 _WAITING = 5  #: most jobs without a fitting worker that are named
 _JOB = (
     *("id", "state", "spp", "noise left", "time", "to come", "created (UTC)"),
@@ -106,22 +105,15 @@ def list_of(
         elif what is _What.SCENES:
             _print_scenes(client, as_json=as_json)
         else:
-            jobs: list[JobView] = []
-            cursor = None
-            while len(jobs) < limit:
-                page = client.jobs(
-                    state=in_state,
-                    batch=batch,
-                    owner=owner,
-                    search=search,
-                    deleted=deleted,
-                    cursor=cursor,
-                    limit=min(limit - len(jobs), _PAGE),
-                )
-                jobs += page.jobs
-                cursor = page.next_cursor
-                if cursor is None:
-                    break
+            found = client.all_jobs(
+                state=in_state,
+                batch=batch,
+                owner=owner,
+                search=search,
+                deleted=deleted,
+                limit=limit,
+            )
+            jobs = list(found)
             print_table(jobs, _JOB, _job_row, none="no jobs", spare=_SPARE_JOB, as_json=as_json)
             if not as_json:
                 _warn_of_waiting([job for job in jobs if job.waits_for])

@@ -27,7 +27,14 @@ def render(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ] = Path("plateau-out"),
-    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=1, max=256)] = 1,
+    workers: Annotated[
+        int,
+        typer.Option(
+            help="Number of worker processes; on a machine with several GPUs, one for each.",
+            min=1,
+            max=256,
+        ),
+    ] = 1,
     threads: Annotated[
         int | None,
         typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),

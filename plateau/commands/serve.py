@@ -58,7 +58,14 @@ _takes_door = taking("door", _door, options_of(_door))
 @_takes_door
 def up(
     door: Any,
-    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=0, max=256)] = 1,
+    workers: Annotated[
+        int,
+        typer.Option(
+            help="Number of worker processes; on a machine with several GPUs, one for each.",
+            min=0,
+            max=256,
+        ),
+    ] = 1,
 ) -> None:
     """Run the whole service on this machine until Ctrl-C.
 

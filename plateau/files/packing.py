@@ -158,7 +158,7 @@ def _name(path: Path) -> str:
 class _Disk:
     """The whole disk as a tree, from its root."""
 
-    remedy = "does not exist"
+    remedy = "does not exist; put it there, or correct its name"
     outside = OUT_OF_THE_BUNDLE
 
     def parts(self, path: Path) -> Parts:

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from plateau.metric.blend import Blend, BlendError, blend_error, blended
     from plateau.metric.display import Image, Mask, View, encode_srgb
     from plateau.metric.estimate import Estimate, allowed_pixels
-    from plateau.metric.focus import focus_plane
-    from plateau.metric.forecasts import Forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
@@ -39,7 +37,6 @@ __all__ = [
     "Difference",
     "Estimate",
     "Evidence",
-    "Forecast",
     "Half",
     "Image",
     "Mask",
@@ -59,7 +56,6 @@ __all__ = [
     "create_rule",
     "difference_map",
     "encode_srgb",
-    "focus_plane",
     "heat_map",
     "noise_map",
     "non_finite_map",
@@ -71,8 +67,6 @@ _HOMES: Final = {
     "blend": ("Blend", "BlendError", "blend_error", "blended"),
     "display": ("Image", "Mask", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels"),
-    "focus": ("focus_plane",),
-    "forecasts": ("Forecast",),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("allowed_non_finite", "non_finite_pixels"),
     "pictures": (

@@ -9,13 +9,13 @@ the visible pixels of a zone fall. Where the target is a quality, see
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from plateau.metric.estimate import allowed_pixels, require_target
-from plateau.metric.zone_noise import GROWTH, zone_curves, zone_sums
+from plateau.metric.zone_noise import GROWTH, zone_curves
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -127,10 +127,6 @@ def plan_round(
     height, width = model.non_finite.shape
     require_zones((-(-height // size), -(-width // size)), spp, planned)
     curves = zone_curves(metric, model, clean, estimate, size)
-    if model.focus is not None:
-        finite = np.where(model.non_finite, np.float32(0), model.focus)
-        weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
-        curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
     allowed = allowed_pixels(target, model.pixels)
     fewest = samples_after(planned, curves.pixels, sizes)
     needed = _needed(curves, spp, planned, allowed, fewest)

@@ -36,7 +36,7 @@ DETERMINED = 2.0
 class Estimate:
     """The visible difference of an image from the converged one, as estimated."""
 
-    #: Visible pixels, 0 or more; a mean of two counts, by weight where there is a focus. This and
+    #: Visible pixels, 0 or more; a mean of two counts. This and
     #: the fields below leave out pixels that are NaN or infinite, which no sample repairs.
     pixels: float
     #: `pixels` over the number of pixels, in [0, 1].
@@ -74,13 +74,13 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     differences = [
         metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]
-    pixels = sum(map(model.count, differences)) / 2
+    pixels = sum(one.finite_count for one in differences) / 2
     visible = np.add(*(difference.visible for difference in differences), dtype=np.float32)
     visible *= np.float32(0.5)
     non_finite = differences[0].non_finite
     if non_finite:
         visible[model.non_finite] = 0
-    low, high = _band(pixels, clump_in(model, visible > 0))
+    low, high = _band(pixels, mean_clump(visible > 0))
     return Estimate(
         pixels,
         pixels / visible.size,
@@ -128,16 +128,6 @@ def mean_clump(visible: Mask) -> float:
     edges = int(np.count_nonzero(rows)) + int(np.count_nonzero(columns))
     clumps = max(pixels - edges + int(np.count_nonzero(faces)), 1)
     return min(max(pixels / clumps, 1.0), LARGEST_CLUMP)
-
-
-def clump_in(model: NoiseModel, visible: Mask) -> float:
-    """Return what a clump of visible pixels counts: the mean by weight, where there is a focus."""
-    clump = mean_clump(visible)
-    if model.focus is None or not visible.any():
-        return clump
-    weights = model.focus[visible].astype(np.float64)
-    total = float(weights.sum())
-    return clump * float(np.square(weights).sum()) / total if total else clump
 
 
 def _band(pixels: float, clump: float) -> tuple[float, float]:

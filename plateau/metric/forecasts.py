@@ -11,13 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from plateau.metric.estimate import (
-    BAND_DEVIATIONS,
-    DETERMINED,
-    allowed_pixels,
-    clump_in,
-    require_target,
-)
+from plateau.metric.estimate import DETERMINED, allowed_pixels, require_target
 
 if TYPE_CHECKING:
     from plateau.metric.estimate import Estimate
@@ -28,25 +22,11 @@ if TYPE_CHECKING:
 FURTHEST = 1000.0
 #: The most evaluations in a forecast.
 MOST_EVALUATIONS = 5
-#: The search ends when the spp is known to this factor, far inside the band.
+#: The search ends when the spp is known to this factor.
 FINE_ENOUGH = 1.03
 #: The count falls as a power of the samples: the initial guess of that power, and its range.
 FIRST_POWER = 2.0
 LEAST_POWER, MOST_POWER = 0.5, 8.0
-#: Measured error of forecasts, as a power of n'/n; its cause is noise with heavy tails.
-DRIFT_POWER = 0.08
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """At how many samples per pixel the estimate falls to a target."""
-
-    #: The best guess, at least the present spp; None if more than 1000 times the present spp are
-    #: not enough, for example because light has not been found yet.
-    spp: int | None
-    #: The band around it that holds the spp in about nine cases of ten; None as for `spp`.
-    low_spp: int | None
-    high_spp: int | None
 
 
 @dataclass
@@ -92,7 +72,7 @@ def forecast_from(
     target: float,
     *,
     spp: int,
-) -> Forecast:
+) -> int | None:
     """Return the spp at which the half-buffer estimate falls to a target fraction of the pixels.
 
     Parameters
@@ -108,6 +88,12 @@ def forecast_from(
     spp
         That of the merged image.
 
+    Returns
+    -------
+    int or None
+        At least `spp`; None if 1000 times as many are not enough, for example because light has
+        not been found yet.
+
     Raises
     ------
     ValueError
@@ -115,44 +101,33 @@ def forecast_from(
 
     Notes
     -----
-    It takes at most five evaluations, all with one sign of the noise. The band is calibrated on
-    synthetic noise; docs/science/stopping.md has its coverage.
+    It takes at most five evaluations, all with one sign of the noise; docs/science/stopping.md
+    has how far it is right.
     """
     require_target(target)
     allowed = allowed_pixels(target, model.pixels)
     if estimate.pixels <= allowed:
-        return Forecast(spp, spp, spp)
+        return spp
 
     search = _Search(above=(0.0, _over(estimate.pixels, allowed)))
-    clump = clump_in(model, estimate.visible > 0)
     furthest = math.log(FURTHEST)
     place = search.crossing
     for _ in range(MOST_EVALUATIONS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
-        excess = _over(model.count(difference), allowed)
-        if excess > 0:
-            clump = clump_in(model, difference.visible)
-            if place == furthest:
-                return Forecast(None, None, None)
+        excess = _over(difference.finite_count, allowed)
+        if excess > 0 and place == furthest:
+            return None
         search.add((place, excess))
         place = search.crossing
         if search.fine_enough:
             break
-    if place > furthest:
-        return Forecast(None, None, None)
-
-    # The counts vary by clumps, now and at the crossing; the error grows with the distance.
-    luck = BAND_DEVIATIONS * math.sqrt(2 * clump / (allowed + 1)) / search.power
-    off = DRIFT_POWER * place + luck
-    return Forecast(
-        spp=_whole(spp, place),
-        low_spp=max(_whole(spp, place - off), spp),
-        high_spp=_whole(spp, place + off),
-    )
+    return None if place > furthest else _whole(spp, place)
 
 
-def when_determined(found: Forecast, estimate: Estimate, allowed: float, *, spp: int) -> Forecast:
+def when_determined(
+    found: int | None, estimate: Estimate, allowed: float, *, spp: int
+) -> int | None:
     """Return the forecast, or a later one where the samples do not tell the error by then.
 
     Parameters
@@ -169,9 +144,9 @@ def when_determined(found: Forecast, estimate: Estimate, allowed: float, *, spp:
     The pixels of the greatest error are taken to become fewer by the same power of the samples as
     those of the likely one.
     """
-    if found.spp is None or estimate.greatest_pixels is None:
+    if found is None or estimate.greatest_pixels is None:
         return found
-    sooner = math.log(found.spp / spp)
+    sooner = math.log(found / spp)
     power = FIRST_POWER
     if sooner > 0:
         slope = _over(estimate.pixels, allowed) / sooner
@@ -179,12 +154,7 @@ def when_determined(found: Forecast, estimate: Estimate, allowed: float, *, spp:
     place = _over(estimate.greatest_pixels, DETERMINED * allowed) / power
     if place <= sooner:
         return found
-    if place > math.log(FURTHEST):
-        return Forecast(None, None, None)
-    assert found.low_spp is not None
-    assert found.high_spp is not None
-    off = place - sooner
-    return Forecast(_whole(found.spp, off), _whole(found.low_spp, off), _whole(found.high_spp, off))
+    return None if place > math.log(FURTHEST) else _whole(found, place - sooner)
 
 
 def _over(pixels: float, allowed: float) -> float:

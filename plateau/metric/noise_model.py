@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric.display import Image, Mask, Plane, as_image, finite_pixels
+from plateau.metric.display import Image, Mask, as_image, finite_pixels
 from plateau.metric.rows import by_rows
 
 if TYPE_CHECKING:
     from plateau.metric.display import View
-    from plateau.metric.vdp import Difference, VisibleDifferences
+    from plateau.metric.vdp import VisibleDifferences
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +47,6 @@ class NoiseModel:
     noise: Image
     #: Pixels of the merged image that are NaN or infinite, (H, W).
     non_finite: Mask = field(repr=False)
-    #: What a visible pixel counts, (H, W) with a mean of 1; None if each counts one.
-    focus: Plane | None = field(default=None, repr=False)
-
-    def count(self, difference: Difference) -> float:
-        """Return the number of visible pixels that are finite, by their weights in the focus."""
-        if self.focus is None:
-            return difference.finite_count
-        return float(self.focus[difference.visible & ~self.non_finite].sum(dtype=np.float64))
 
     @property
     def pixels(self) -> int:
@@ -62,7 +54,7 @@ class NoiseModel:
         return self.non_finite.size
 
     def rows(self, first: int, last: int) -> NoiseModel:
-        """Return the model of the rows first … last − 1, without a focus."""
+        """Return the model of the rows first … last − 1."""
         rows = slice(first, last)
         return NoiseModel(self.clean[rows], self.noise[rows], self.non_finite[rows])
 

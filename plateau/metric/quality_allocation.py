@@ -79,7 +79,7 @@ def plan_by_quality(
     exponent are too long.
 
     A pixel of a coarser band belongs to the zone of its first pixel of the image. Pixels that are
-    not finite lose nothing. A focus has no weight, since it has none in the quality.
+    not finite lose nothing.
 
     Examples
     --------

@@ -16,13 +16,11 @@ from plateau.metric import (
     Blend,
     Estimate,
     Evidence,
-    Forecast,
     Memory,
     Rule,
     Verdict,
     View,
     create_rule,
-    focus_plane,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
@@ -31,14 +29,7 @@ from plateau.metric.rows import beside
 from plateau.picture.allotment import Allotment, allotment
 from plateau.picture.denoised import Denoised
 from plateau.picture.merge import Merge
-from plateau.picture.point import (
-    of_curve,
-    of_denoising,
-    of_estimate,
-    of_forecast,
-    of_merge,
-    of_rule,
-)
+from plateau.picture.point import of_curve, of_denoising, of_estimate, of_merge, of_rule
 from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, NOISE
 
@@ -46,7 +37,7 @@ from plateau.rules import CURVE, NOISE
 def warm_up() -> None:
     """Compile the metric's kernels, or load them from their cache, before a job waits for them.
 
-    It takes some 10 s the first time on a machine, and less than 1 s later.
+    It takes 10 to 30 s the first time on a machine, and less than 1 s later.
     """
     metric, image = CompiledVisibleDifferences(View()), np.zeros((16, 16, 3), np.float32)
     reference = metric.percept(image)
@@ -98,7 +89,6 @@ class Judge:
         # Of the last evaluation, each with its spp
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_maps: tuple[int, NoiseMaps] | None = None
-        self._focus = spec.view.focus
         self._target = spec.noise_target or create_rule(NOISE).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -130,28 +120,26 @@ class Judge:
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
         self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
-        forecast, decided = None, None
+        forecast_spp, decided = None, None
         if self._target and not flaw:
             if allotted is not None:
-                decided, at = allotted.result()
-                forecast = Forecast(at, None, None)
-            else:
-                forecast = evidence.forecast(self._target)
+                decided, forecast_spp = allotted.result()
+            elif self._rules[self._own].noise_target is not None:
+                forecast_spp = evidence.forecast(self._target)
         point = {
             **of_merge(merge),
             **curve,
             **of_estimate(estimate),
             **({} if denoised is None or flaw else of_denoising(evidence, raw, self._target)),
-            **of_forecast(forecast),
             # By the image alone, so that it does not depend on which monitor judged those before.
-            "expected_spp": self._expected_spp(forecast),
+            "expected_spp": self._expected_spp(forecast_spp),
             "rules": {
                 name: of_rule(verdicts[name], stop=verdicts[name].stop and not flaw)
                 for name in self._shown
             },
         }
         own = verdicts[self._own]
-        expected = self._expected_spp(forecast, self._crossing(own, merge.spp))
+        expected = self._expected_spp(forecast_spp, self._crossing(own, merge.spp))
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
 
     def _allotted(
@@ -183,21 +171,18 @@ class Judge:
 
     def _evidence(self, merge: Merge) -> Evidence:
         image = merge.image()
-        focus = None if self._focus is None else focus_plane(self._focus, *image.shape[:2])
         return Evidence(
             spp=merge.spp,
             image=image,
             halves=merge.halves(),
             quarters=merge.quarters(),
             metric=self._metric,
-            focus=focus,
         )
 
     def _expected_spp(
-        self, forecast: Forecast | None, crossing_spp: int | None = None
+        self, forecast_spp: int | None, crossing_spp: int | None = None
     ) -> int | None:
         """Return where the job is likely to end: see the rule's `expected_end_spp`."""
-        forecast_spp = None if forecast is None else forecast.spp
         spp = self._rules[self._own].expected_end_spp(forecast_spp, crossing_spp)
         return None if spp is None else max(spp, self._min_spp)
 

@@ -1,6 +1,6 @@
 """The fields of a point of the curve, as `plateau.farm.model.job.CurvePoint` has them."""
 
-from plateau.metric import Estimate, Evidence, Forecast, Verdict
+from plateau.metric import Estimate, Evidence, Verdict
 from plateau.picture.merge import Merge
 
 
@@ -42,7 +42,6 @@ def of_denoising(evidence: Evidence, raw: Evidence, target: float | None) -> dic
     return {
         "estimate_undetermined": not evidence.estimate.is_determined(allowed),
         "raw_estimate_pixels": raw.estimate.pixels,
-        "raw_estimate_fraction": raw.estimate.fraction,
     }
 
 
@@ -50,14 +49,3 @@ def of_rule(verdict: Verdict, *, stop: bool) -> dict[str, object]:
     """Return what a rule said, as `plateau.farm.model.job.WatchedValue` has it."""
     known = {name: verdict.numbers.get(name) for name in ("low", "high", "few_share")}
     return {"value": verdict.value, "stop": stop, **known}
-
-
-def of_forecast(forecast: Forecast | None) -> dict[str, object]:
-    """Return where hardly any noise will be left."""
-    if forecast is None:
-        return {}
-    return {
-        "forecast_spp": forecast.spp,
-        "forecast_low_spp": forecast.low_spp,
-        "forecast_high_spp": forecast.high_spp,
-    }

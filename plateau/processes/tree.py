@@ -19,7 +19,7 @@ from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.member import Member, describe_exit
 from plateau.processes.read_settings import REDIS_VARIABLES
-from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor import gpus, needed_libraries
 from plateau.worker.supervisor.machine import memory_for_children
 
 _API_START_S: Final = 60.0
@@ -201,8 +201,10 @@ class Tree:
         api = self._member("api", ("api", *self.door.options()))
         others = [self._member("monitor", ("monitor",))]
         others += [
-            self._member(f"worker-{number}", ("worker",), self._of_a_worker())
-            for number in range(1, self.workers + 1)
+            self._member(
+                f"worker-{number + 1}", ("worker",), self._of_a_worker() | gpus.of_worker(number)
+            )
+            for number in range(self.workers)
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from plateau.errors import CommandFailed
-from plateau.farm.bundle import inspect_bundle
+from plateau.farm.bundle import BundleLimits, inspect_bundle, known_plugins
 from plateau.farm.model.renderers import renderer_of, variant_for
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
+from plateau.metric.kernel_cache import are_compiled
 from plateau.processes.data_folder import DataFolder, is_in_use
 from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
@@ -32,6 +33,9 @@ _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
+COMPILING: Final = (
+    "the model of vision is compiled, once on this machine: the first figures take half a minute"
+)
 
 _Fetched = TypeVar("_Fetched")
 
@@ -48,8 +52,12 @@ def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Sett
         there is no such engine.
     """
     settings = settings_here(on)
-    with pack(scene, spec.parameter_strings()) as packed:
-        found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+    parameters = spec.parameter_strings()
+    limits = BundleLimits(plugins=known_plugins(settings.plugins))
+    with pack(scene, parameters) as packed:
+        found = inspect_bundle(
+            packed.file, parameters=parameters, sensor=spec.sensor, limits=limits
+        )
     try:
         if found.width and found.height:
             spec.require_size(found.width, found.height)
@@ -250,6 +258,8 @@ def _run(
     from plateau.rendering.follow import cancelling, follow
 
     job = client.submit(scene, spec)
+    if not are_compiled():
+        shown.note(COMPILING)
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
     waits_for: str | None = None
 

@@ -39,8 +39,12 @@ class Progress(ABC):
         self.refresh()
 
     def job(self, job: JobView) -> None:
-        """Show the current state of the job."""
+        """Show the current state of the job, and each of its notes once."""
+        known = () if self._job is None else self._job.notes
         self._job = job
+        for note in job.notes:
+            if note not in known:
+                self.note(f"note: {note}")
         self.refresh()
 
     def event(self, event: Event) -> None:

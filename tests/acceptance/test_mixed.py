@@ -1,7 +1,6 @@
 """Workers that are unlike: one that is stuck holds up no job, and a job finds those it needs."""
 
 import os
-import signal
 
 from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until
@@ -43,24 +42,3 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     assert machine.disk_free_bytes is not None
     assert 0 < machine.disk_free_bytes < (machine.disk_bytes or 0)
     assert 0 < (shown.core_hours or 0) < 1.01 * done.core_hours
-
-
-def test_queued_jobs_start_in_their_order_by_turns_with_a_long_one(farm: RealFarm) -> None:
-    farm.start("monitor")
-    worker = farm.start("worker")
-    endless = {"max_spp": 100_000, "rule": {"name": "fixed", "spp": 100_000}}
-    long = farm.submit(**SPEC | endless)
-    until(lambda: farm.client.job(long.id).committed_spp >= 100)
-    # Given two that are queued while the only worker is busy
-    worker.send_signal(signal.SIGSTOP)
-    queued = [farm.submit(**SPEC).id for _ in range(2)]
-    assert [farm.client.job(job).queue_place for job in queued] == [1, 2]
-    worker.send_signal(signal.SIGCONT)
-    # Then they start one after the other, and end before the long one does
-    first, second = (farm.client.wait(job) for job in queued)
-    running = farm.client.job(long.id)
-    assert running.state == "rendering"
-    times = [running.started_at, first.started_at, second.started_at]
-    assert all(times)
-    assert times == sorted(times)  # type: ignore[type-var]
-    farm.client.cancel(long.id)

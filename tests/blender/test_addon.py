@@ -58,7 +58,7 @@ def test_a_file_is_packed_sent_and_its_image_loaded(farm, blend, tmp_path):
     alpha = 1.0
     assert found["mean"] == pytest.approx((image.mean() * 3 + alpha) / 4, rel=1e-3)
     # And the farm has the job with its texture: the floor is green
-    (job,) = farm.client.jobs().jobs
+    (job,) = farm.client.all_jobs()
     assert (job.name, job.spp, job.variant) == ("tiles", 4000, "cycles:cpu")
     assert np.array_equal(image, farm.image(job))
     red, green, _ = image[-1, 32]

@@ -64,7 +64,7 @@ class DistantFarm(FaultyFarm):
         return self.start("worker", **self._of_workers)
 
     def __exit__(self, *error: object) -> None:
-        super().__exit__(*error)  # type: ignore[arg-type]  # as it was called
+        super().__exit__(*error)
         self._environment.undo()
         self.network.__exit__(None, None, None)
 

@@ -135,7 +135,7 @@ class Soak:
         """Use the API as people do, check what the jobs hold, and take a sample."""
         client = self.farm.client
         shown = rendering[len(self.samples) % len(rendering)]
-        client.jobs()
+        list(client.all_jobs())
         client.curve(shown)
         client.happened(shown)
         if client.job(shown).points > 1:

@@ -301,7 +301,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     assert answer.status_code == 201, answer.text
     assert answer.headers.get("Idempotency-Replayed") == ("true" if when == "after" else None)
     # Then there is one job, and it has its scene
-    (job,) = farm.client.jobs(batch=when).jobs
+    (job,) = farm.client.all_jobs(batch=when)
     assert job.id == answer.json()["id"]
     assert farm.store.get(blobs.scene(job.scene_sha256)) == scene
     farm.client.cancel(job.id)

@@ -5,9 +5,6 @@ import pytest
 
 from plateau.metric.csf import contrast_sensitivity, luminance_threshold, masking
 
-#: Where the pieces of the threshold meet, log10 cd/m².
-JOINTS = [-3.94, -1.44, -0.0184, 1.9]
-
 
 def barten(frequency, luminance):
     """The formula as printed, in double precision."""
@@ -18,13 +15,6 @@ def barten(frequency, luminance):
 
 
 class TestContrastSensitivity:
-    def test_its_peak_at_100_cd_m2_is_the_published_one(self):
-        assert float(contrast_sensitivity(3.248, 100)) == pytest.approx(525.15, abs=0.005)
-        frequencies = np.geomspace(0.1, 60, 5000)
-        sensitivity = contrast_sensitivity(frequencies, 100)
-        assert sensitivity.max() == pytest.approx(525.15, abs=0.005)
-        assert frequencies[sensitivity.argmax()] == pytest.approx(3.248, rel=0.005)
-
     @pytest.mark.parametrize("luminance", [1e-5, 0.01, 1, 100, 10_000])
     @pytest.mark.parametrize("frequency", [0.05, 0.5, 3.248, 20, 60])
     def test_it_is_the_printed_formula(self, frequency, luminance):
@@ -32,11 +22,6 @@ class TestContrastSensitivity:
         assert float(contrast_sensitivity(frequency, luminance)) == pytest.approx(
             expected, rel=2e-5, abs=1e-30
         )
-
-    def test_it_broadcasts(self):
-        sensitivity = contrast_sensitivity(np.ones((6, 1)), np.ones((1, 4, 3, 1, 5)))
-        assert sensitivity.shape == (1, 4, 3, 6, 5)
-        assert sensitivity.dtype == np.float32
 
     @pytest.mark.parametrize(
         ("frequency", "luminance"), [(0, 100), (4, 0), (0, 0), (math.inf, 100), (1e6, 1)]
@@ -72,20 +57,6 @@ class TestLuminanceThreshold:
         threshold = luminance_threshold(10.0**log_luminance)
         assert float(threshold) == pytest.approx(10**log_threshold, rel=1e-5)
 
-    @pytest.mark.parametrize("joint", JOINTS)
-    def test_the_pieces_meet_as_well_as_the_printed_ones_do(self, joint):
-        below, above = np.log10(luminance_threshold(10 ** np.array([joint - 1e-4, joint + 1e-4])))
-        assert abs(above - below) < 0.0135
-
-    def test_it_only_rises_but_for_the_printed_jump(self):
-        threshold = np.log10(luminance_threshold(np.geomspace(1e-6, 1e5, 20_000)))
-        assert np.diff(threshold).min() > -0.0135
-
-    def test_it_broadcasts(self):
-        threshold = luminance_threshold(np.ones((2, 3, 4)))
-        assert threshold.shape == (2, 3, 4)
-        assert threshold.dtype == np.float32
-
     def test_in_full_darkness_it_is_the_rods_own(self):
         assert float(luminance_threshold(0)) == pytest.approx(10**-2.86, rel=1e-6)
 
@@ -105,12 +76,6 @@ class TestMasking:
 
     def test_without_a_pattern_nothing_is_raised(self):
         assert masking(0) == 1
-
-    def test_it_broadcasts_and_rises(self):
-        elevation = masking(np.geomspace(1e-3, 1e3, 60).reshape(3, 20))
-        assert elevation.shape == (3, 20)
-        assert elevation.dtype == np.float32
-        assert (np.diff(elevation.ravel()) >= 0).all()
 
     def test_an_overwhelming_pattern_masks_everything(self):
         assert np.isposinf(masking(math.inf))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from plateau.metric import Half, VisibleDifferences
-from plateau.metric.denoise import denoised
 from plateau.metric.noise_model import noise_model
 from tests.support.images import PAPER
 
@@ -14,39 +13,6 @@ METRIC = VisibleDifferences(PAPER)
 
 def noise(seed, sigma, shape=GREY.shape):
     return np.random.default_rng(seed).normal(0, sigma, shape).astype(np.float32)
-
-
-def test_a_flat_area_loses_its_noise():
-    left = denoised(GREY + noise(1, 0.1), noise(2, 0.1)) - GREY
-    assert left.std() < 0.1 * 0.12
-
-
-def test_texture_stronger_than_the_noise_stays():
-    checks = np.indices((96, 96)).sum(axis=0)[..., np.newaxis] % 2 * np.float32(0.4)
-    texture = GREY + checks
-    left = denoised(texture + noise(1, 0.05), noise(2, 0.05)) - texture
-    assert left.std() < 0.06  # of a texture of 0.2
-
-
-def test_texture_weaker_than_the_noise_goes():
-    checks = np.indices((96, 96)).sum(axis=0)[..., np.newaxis] % 2 * np.float32(0.02)
-    assert denoised(GREY + checks + noise(1, 0.1), noise(2, 0.1)).std() < 0.015
-
-
-def test_without_noise_the_image_stays_as_it_is():
-    image = np.random.default_rng(4).random((33, 47, 3), np.float32)
-    np.testing.assert_allclose(denoised(image, np.zeros_like(image)), image, atol=1e-6)
-
-
-def test_no_light_is_lost():
-    image = GREY + noise(1, 0.1)
-    assert denoised(image, noise(2, 0.1)).mean() == pytest.approx(image.mean(), rel=1e-3)
-
-
-@pytest.mark.parametrize("shape", [(1, 1, 3), (1, 40, 3), (40, 1, 3), (2, 3, 3)])
-def test_images_narrower_than_the_blur_are_denoised_too(shape):
-    clean = denoised(np.full(shape, 0.25, np.float32), noise(1, 0.1, shape))
-    np.testing.assert_allclose(clean, 0.25, rtol=1e-5)
 
 
 class TestTheNoiseModel:

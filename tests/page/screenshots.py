@@ -10,6 +10,8 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.wire.views import JobView
 from plateau.study.client import StudyCalls
 from plateau.study.model import Screen
 from tests.support.farms.real_farm import BOX, RealFarm
@@ -20,7 +22,6 @@ from tests.support.until import until
 IMAGES: Final = Path(__file__).parents[2] / "docs" / "images"
 SCENES: Final = BOX.parent
 WATCH: Final = [{"name": "reverse"}, {"name": "myszkowski"}]
-RULE: Final = {"name": "visible", "target": 0.002, "min_spp": 100}
 SIZE: Final = {"width": 256, "height": 256}
 #: So long a job may render, in seconds.
 PATIENCE_S: Final = 900
@@ -37,6 +38,11 @@ def take(page: Page, name: str) -> None:
     page.screenshot(path=path)
     Image.open(path).convert("RGB").save(path, optimize=True)
     print(path, path.stat().st_size)
+
+
+def submit(farm: RealFarm, scene: Path, **spec: object) -> JobView:
+    """Submit a job with the product's defaults, and not those of the tests."""
+    return farm.client.submit(scene, JobSpec.model_validate(spec))
 
 
 def until_merged(farm: RealFarm, job_id: str, spp: int) -> None:
@@ -119,39 +125,31 @@ def main() -> None:
     ):
         farm.start("monitor")
         farm.workers(1)
-        kept = {"watch": WATCH, "parameters": SIZE, "keep_slices": True}
-        box = farm.submit(BOX, step=25, max_spp=5000, rule=RULE, **kept)
-        until_merged(farm, box.id, 5000)
-        truth = farm.submit(BOX, step=100, seed=1, rule={"name": "fixed", "spp": 800}, **kept)
-        until_merged(farm, truth.id, 800)
-        until_finished(farm, truth.id)
+        box = submit(farm, BOX, parameters=SIZE)
+        # A study needs slices of whole frames, which its levels are made of
+        kept = {"parameters": SIZE, "keep_slices": True}
+        levels = submit(farm, BOX, step=25, rule={"name": "fixed", "spp": 400}, **kept)
+        truth = submit(farm, BOX, seed=1, rule={"name": "fixed", "spp": 800}, **kept)
+        for job in (box, levels, truth):
+            until_finished(farm, job.id)
         lamps = [
-            farm.submit(
+            submit(
+                farm,
                 SCENES / "oculist",
-                step=50,
                 max_spp=2000,
-                watch=WATCH,
-                rule=RULE,
                 batch="lamps",
                 parameters={"width": 128, "height": 128, "intensity": intensity},
             )
             for intensity in (20, 80)
         ]
         until_merged(farm, lamps[1].id, 100)
-        bar = farm.submit(
-            SCENES / "bar",
-            step=25,
-            max_spp=3000,
-            watch=WATCH,
-            rule=RULE,
-            priority=5,
-            parameters={"width": 320, "height": 240},
-        )
+        size = {"width": 320, "height": 240}
+        bar = submit(farm, SCENES / "bar", watch=WATCH, priority=5, parameters=size)
         until_merged(farm, bar.id, 250)
-        farm.submit(SCENES / "plants", step=50, max_spp=3000, parameters=SIZE)
+        submit(farm, SCENES / "plants", parameters=SIZE)
         take_all(browser, farm, converged=box.id, rendering=bar.id)
-        take_study(browser, farm, job=box.id, reference=truth.id)
-        for job in farm.client.jobs().jobs:
+        take_study(browser, farm, job=levels.id, reference=truth.id)
+        for job in farm.client.all_jobs():
             if not job.state.ended:
                 farm.client.cancel(job.id)
 

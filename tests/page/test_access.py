@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from importlib import resources
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -11,11 +10,9 @@ from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.long_tests import rare
+from tests.support.processes.browser import violations
 from tests.support.until import until
 
-AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")
-#: WCAG 2.2, level AA, and what is good practice beside it.
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 PHONE = {"width": 360, "height": 740}
 
 
@@ -28,16 +25,6 @@ def job(farm: NoiseFarm) -> Job:
         until(lambda: bool(farm.jobs.results(job.id)), 60)
     farm.submit("other", batch="exposures")
     return job
-
-
-def violations(page: Page) -> list[str]:
-    page.evaluate(AXE)
-    found = page.evaluate("rules => axe.run({ runOnly: rules })", RULES)
-    assert len(found["passes"]) > 15, "axe has hardly looked"
-    return [
-        f"{one['id']}: {one['help']}: {[node['html'] for node in one['nodes']]}"
-        for one in found["violations"]
-    ]
 
 
 def screens(page: Page, job: Job) -> Iterator[str]:

@@ -53,7 +53,7 @@ def test_it_is_asked_for_once_and_opens_everything(
     expect(dialog).to_have_count(0)
     # JSON, pictures and events come with it
     expect(page.locator(".frame img.layer").first).to_have_js_property("naturalWidth", 32)
-    expect(page.locator(".story")).to_contain_text("The final images are written.")
+    expect(page.locator(".story")).to_contain_text("Its results are written.")
     with page.expect_download() as download:
         page.locator(".files").get_by_role("link", name=re.compile("^PNG")).click()
     assert download.value.path().read_bytes() == farm.picture(job, "image.png")

@@ -2,9 +2,6 @@
 
 import doctest
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -60,26 +57,6 @@ def test_the_goldens_come_out_of_the_command_line(row):
 
     assert result.exit_code == 0
     assert is_golden(result.stdout, row)
-
-
-def test_a_golden_comes_out_of_a_process(tmp_path):
-    done = run_plateau("diff", *arguments_of(ROWS[0]), folder=tmp_path)
-
-    assert done.returncode == 0
-    assert done.stderr == ""
-    assert is_golden(done.stdout, ROWS[0])
-
-
-def run_plateau(*arguments, folder):
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-m", "plateau", *map(str, arguments)],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
 
 
 # Files to compare.

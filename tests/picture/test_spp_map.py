@@ -15,8 +15,9 @@ from plateau.farm.model.job import Job
 from plateau.farm.wire import job_text
 from plateau.metric import SAMPLES_PALETTE, samples_map
 from plateau.rendering.outputs import write_results
-from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
+from tests.support.farms.finished_jobs import finished
 from tests.support.farms.live_api import live_api
+from tests.support.farms.lopsided_farm import JOB, LopsidedFarm
 from tests.support.farms.noise_farm import NoiseFarm
 
 

@@ -35,7 +35,7 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
 
         with connect(ctx.params.get("url"), timeout_s=1.0, quiet=True) as client:
             undo = ctx.info_name == "delete" and bool(ctx.params.get("undo"))
-            jobs = client.jobs(limit=200, deleted=undo).jobs
+            jobs = list(client.all_jobs(limit=200, deleted=undo))
     except Exception:  # noqa: BLE001  (the command itself will report the error)
         return []
     useful = _USEFUL.get(ctx.info_name or "")

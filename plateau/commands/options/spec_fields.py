@@ -15,7 +15,7 @@ _FIELDS: Final = {
 }
 _VIEW: Final = {
     **dict.fromkeys(("white_luminance", "contrast", "ambient_lux", "pixels_per_degree"), ""),
-    **dict.fromkeys(("primaries", "background", "focus"), ""),
+    **dict.fromkeys(("primaries", "background"), ""),
     "exposure": "exposure_ev",
     "field_of_view": "field_of_view_deg",
 }
@@ -37,10 +37,6 @@ def spec_fields(**options: Any) -> dict[str, Any]:
         place = given.pop("seen")
         seen = place if seen is None else seen
     view = view_of_place(seen) | _taken(given, _VIEW)
-    if "focus" in view:
-        from plateau.files.focus_map import focus_of
-
-        view["focus"] = focus_of(view["focus"])
     if options.get("pixels_per_degree") is not None:
         view["field_of_view_deg"] = None  # which a job that is judged again may have, or the place
     exr = _taken(given, _EXR)

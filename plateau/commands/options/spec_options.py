@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Collection
 from copy import copy
-from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias, get_args
 
 import typer
@@ -154,17 +153,6 @@ def spec_from_options(
             metavar="R,G,B",
             help="Linear colour behind an image with alpha, where it is judged and in PNG files.",
             show_default="0,0,0",
-        ),
-    ] = None,
-    focus: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            exists=True,
-            dir_okay=False,
-            help="PNG or EXR of where people look, stretched over the image: more noise may be "
-            "left where it is dark.",
-            show_default="all over",
         ),
     ] = None,
     priority: Annotated[

@@ -51,8 +51,8 @@ class Film:
         if width * height > limits.max_pixels:
             raise self._refusal(
                 ("width", "height"),
-                f"a film of {width}×{height} pixels is too large: "
-                f"{limits.max_pixels} pixels are allowed",
+                f"a film of {width}×{height} pixels is too large: {limits.max_pixels:,} are "
+                "allowed; lower its width and height",
             )
         crop_width = self._pixels("crop_width", width, least=1)
         crop_height = self._pixels("crop_height", height, least=1)
@@ -116,7 +116,7 @@ class Cast:
             The scene has no such sensor, or its film is refused.
         """
         if not self.sensors:
-            raise BundleError("no-sensor", "the scene has no sensor; add a <sensor>")
+            raise BundleError("no-sensor", "the scene has no camera; add a <sensor>")
         if not 0 <= sensor < len(self.sensors):
             raise BundleError(
                 "no-sensor",

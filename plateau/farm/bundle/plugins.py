@@ -51,6 +51,6 @@ def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
 def guess(plugin: str, known: Iterable[str]) -> str:
     """Return a phrase with the known plugin whose name is most like this one; "" if none is."""
     if plugin in WAS and WAS[plugin] in known:
-        return f", which is of Mitsuba 0.6; use {WAS[plugin]!r}"
+        return f"; it is one of Mitsuba 0.6: use {WAS[plugin]!r}"
     nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
     return f"; did you mean {nearest[0]!r}?" if nearest else ""

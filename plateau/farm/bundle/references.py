@@ -62,10 +62,10 @@ class References:
         """Return where a reference leads; `BundleError` where nothing of the role is there."""
         try:
             found = find(self._tree, folders, text)
-        except EscapeError:
+        except EscapeError as error:
             raise BundleError(
                 "path-escape",
-                f"{shown(text)} {self._tree.outside}",
+                f"{shown(text)} {str(error) or self._tree.outside}",
                 file=file,
                 line=line,
             ) from None

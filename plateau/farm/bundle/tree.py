@@ -19,6 +19,9 @@ _MAX_PATH_CHARACTERS = 4096
 _MAX_SHOWN = 60
 _MOST_NAMES = 1000
 OUT_OF_THE_BUNDLE = "leads out of the bundle; put the file into it and name it by a relative path"
+_OF_WINDOWS = (
+    "is a path of Windows; put the file beside the scene and name it by a relative path, with /"
+)
 
 
 class Tree(Protocol):
@@ -98,7 +101,7 @@ class Found:
 
 
 class EscapeError(Exception):
-    """A reference leaves the tree."""
+    """A reference leaves the tree; says why and what to do, where the tree's `outside` does not."""
 
 
 def is_absolute(reference: str) -> bool:
@@ -126,7 +129,7 @@ def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
     if absolute is not None:
         return Found(absolute, tree.kind(absolute), frozenset(), lookups=1)
     if is_absolute(reference):
-        raise EscapeError
+        raise EscapeError("" if reference.startswith("/") else _OF_WINDOWS)
     if len(reference) > _MAX_PATH_CHARACTERS:
         return Found(None, None, frozenset(), lookups=1)
     components = [part for part in reference.split("/") if part not in ("", ".")]
@@ -182,7 +185,7 @@ def suggestion(tree: Tree, bases: Sequence[Parts], reference: str) -> str:
         else:
             break
     else:
-        return ""
+        return "; write / between folders" if "\\" in reference else ""
     name = "/".join(meant)
     if unicodedata.normalize("NFC", name) == unicodedata.normalize("NFC", reference):
         return (

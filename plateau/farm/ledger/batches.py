@@ -11,7 +11,7 @@ from typing import Final
 
 from plateau.farm.ledger import records
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
-from plateau.farm.model.batch import Batch, BatchLine, Member, Steered, summarise
+from plateau.farm.model.batch import Batch, BatchLine, Member, SteeredJob, summarise
 from plateau.farm.model.errors import BatchNotFound
 from plateau.farm.model.job import moment
 from plateau.farm.model.shot import Shot
@@ -117,7 +117,7 @@ class Batches:
         *,
         by: str = "a user",
         may_touch: Callable[[str], bool] = lambda _: True,
-    ) -> list[Steered]:
+    ) -> list[SteeredJob]:
         """Cancel, pause or resume each job of the batch; repeating it is harmless.
 
         A pause also holds back queued jobs. Jobs whose owner (an API key's id, or "") `may_touch`
@@ -183,16 +183,18 @@ _THEN: Final[dict[Outcome, JobState]] = {
 }
 
 
-def _steered(job_id: str, steer: Steer, answer: Moved | None) -> Steered:
+def _steered(job_id: str, steer: Steer, answer: Moved | None) -> SteeredJob:
     if answer is None:
-        return Steered(job=job_id, done=False, state=None, why_not="it belongs to another API key")
+        return SteeredJob(
+            job=job_id, done=False, state=None, why_not="it belongs to another API key"
+        )
     if answer.outcome in _THEN:
-        return Steered(job=job_id, done=True, state=_THEN[answer.outcome], why_not=None)
+        return SteeredJob(job=job_id, done=True, state=_THEN[answer.outcome])
     if answer.state == "missing":
-        return Steered(job=job_id, done=False, state=None, why_not="it was just forgotten")
+        return SteeredJob(job=job_id, done=False, why_not="it was just forgotten")
     found = JobState(answer.state)
     done = steer is Steer.RESUME and found is JobState.QUEUED  # nothing holds it back
-    return Steered(job=job_id, done=done, state=found, why_not=None if done else "it has ended")
+    return SteeredJob(job=job_id, done=done, state=found, why_not=None if done else "it has ended")
 
 
 def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec]) -> Member:

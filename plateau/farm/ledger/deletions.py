@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from plateau.farm.model.batch import Steered
+from plateau.farm.model.batch import SteeredJob
 from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
@@ -41,7 +41,7 @@ class Deletions:
 
     def set_batch(
         self, name: str, *, deleted: bool, may_touch: Callable[[str], bool] = lambda _: True
-    ) -> list[Steered]:
+    ) -> list[SteeredJob]:
         """Delete each ended job of the batch, or restore those that were deleted from it.
 
         Repeating it is harmless. Jobs whose owner (an API key's id, or "") `may_touch` refuses are
@@ -72,7 +72,7 @@ class Deletions:
                 gone = made.state == "missing"
                 why_not = "it was just forgotten" if gone else "it has not ended"
             steered.append(
-                Steered(
+                SteeredJob(
                     job=job_id,
                     done=done,
                     state=None if state is None else JobState(state),

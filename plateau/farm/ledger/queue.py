@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
@@ -165,18 +166,12 @@ class SliceQueue:
         """
         return self._scripts.run(
             Commit(
-                job=lease.job_id,
-                entry=lease.entry,
-                worker=self._worker,
-                index=lease.index,
+                **self._of_try(lease, record.render_s, said),
                 record=record.model_dump_json(),
-                machine_ms=round(record.render_s * 1000),
-                threads=self._threads,
                 width=width,
                 height=height,
                 notes=json.dumps(notes),
                 variant=lease.variant,
-                said=said,
             )
         )
 
@@ -187,16 +182,10 @@ class SliceQueue:
         """
         return self._scripts.run(
             Died(
-                job=lease.job_id,
-                entry=lease.entry,
-                worker=self._worker,
-                index=lease.index,
+                **self._of_try(lease, machine_s, said),
                 cause=cause,
                 most_tries=MAX_TRIES,
                 alive_ms=round(ALIVE_S * 1000),
-                machine_ms=round(machine_s * 1000),
-                threads=self._threads,
-                said=said,
             )
         )
 
@@ -217,16 +206,10 @@ class SliceQueue:
         """
         self._scripts.run(
             HandBack(
-                job=lease.job_id,
-                entry=lease.entry,
-                worker=self._worker,
-                index=lease.index,
+                **self._of_try(lease, machine_s, said),
                 what="unfit" if unfit else "handed-back",
                 cause=cause,
                 leaves_out=leaves_out,
-                machine_ms=round(machine_s * 1000),
-                threads=self._threads,
-                said=said,
             )
         )
 
@@ -234,16 +217,22 @@ class SliceQueue:
         """Fail the job: no worker can render its scene."""
         self._scripts.run(
             Fail(
-                job=lease.job_id,
-                entry=lease.entry,
-                worker=self._worker,
-                index=lease.index,
+                **self._of_try(lease, machine_s, said),
                 reason=reason,
-                machine_ms=round(machine_s * 1000),
-                threads=self._threads,
-                said=said,
             )
         )
+
+    def _of_try(self, lease: Lease, machine_s: float, said: str) -> dict[str, Any]:
+        """The fields that all `TryCommand` have, of the try that ends."""
+        return {
+            "job": lease.job_id,
+            "entry": lease.entry,
+            "worker": self._worker,
+            "index": lease.index,
+            "machine_ms": round(machine_s * 1000),
+            "threads": self._threads,
+            "said": said,
+        }
 
     def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> tuple[Lease, ...]:
         """Report that the worker lives, and renew its leases; returns the lost ones."""

@@ -73,7 +73,6 @@ class Census:
     """The farm at one moment."""
 
     jobs: dict[str, int]  #: that have not ended, by state
-    jobs_stored: int  #: whatever their state
     #: Jobs without a suitable living worker that takes work, the oldest first.
     unserved: tuple[str, ...]
     queue_age_s: float  #: age of the oldest job without a rendered slice; 0 without one
@@ -82,14 +81,11 @@ class Census:
     workers: dict[str, int]  #: alive: idle, rendering or out_of_service
     monitors: int  #: alive
     jobs_owned: int  #: by monitors that are alive
-    jobs_created: int
     jobs_ended: dict[str, int]  #: by the state at which they ended
     tries: dict[str, int]  #: of slices, by how they ended
     samples: int  #: in committed slices
     samples_saved: int  #: the sum of `plateau.farm.model.job.Job.samples_saved` over all jobs ever
-    second_tries: int  #: of slices that were late
     machine_s: float  #: of render children
-    wasted_s: float  #: of those on tries of slices of which another was committed first
     notices_waiting: int  #: for a try, or being tried
     notice_tries: dict[str, int]  #: by how they ended
     swept_at: float | None  #: when the last sweep ended, in s since 1970
@@ -99,13 +95,6 @@ class Census:
         """Waiting and leased slices of open jobs."""
         demand = self.demand_for()
         return {"waiting": demand.waiting, "leased": demand.leased}
-
-    def demand_by_variant(self) -> dict[str, Demand]:
-        """The demand in all pools, by the jobs' variant, "auto" for any."""
-        by_variant: dict[str, list[Demand]] = {}
-        for needed, demand in self.demand.items():
-            by_variant.setdefault(needed.partition(" ")[0], []).append(demand)
-        return {variant: _sum(demands) for variant, demands in by_variant.items()}
 
     def demand_for(
         self,
@@ -140,10 +129,8 @@ def take_census(client: RedisClient) -> Census:
         pipe.zrange(keys.WORKERS, 0, -1, withscores=True)
         pipe.zrange(keys.MONITORS, 0, -1, withscores=True)
         pipe.zrange(keys.NOTICES, 0, -1)
-        pipe.zcard(keys.JOBS)
-        pipe.hget(keys.STORE, "created")
         pipe.hgetall(keys.TOTALS)
-        (seconds, us), job_ids, seen, due, receivers, stored, created, counted = pipe.execute()
+        (seconds, us), job_ids, seen, due, receivers, counted = pipe.execute()
         now_ms = int(seconds) * 1000 + int(us) / 1000
         workers = [worker for worker, at in seen if at >= now_ms - ALIVE_S * 1000]
         monitors = [monitor for monitor, overdue in due if overdue >= now_ms]
@@ -188,21 +175,17 @@ def take_census(client: RedisClient) -> Census:
             demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
     return Census(
         jobs=dict(states),
-        jobs_stored=stored,
         unserved=tuple(job_id for _, job_id in sorted(unserved)),
         queue_age_s=(now_ms - oldest_ms) / 1000,
         demand={wanted: _sum(demands) for wanted, demands in demand.items()},
         workers={state: [one.state for one in crew].count(state) for state in _WORKER_STATES},
         monitors=len(monitors),
         jobs_owned=owned,
-        jobs_created=int(created or 0),
         jobs_ended={state: totals.get(f"ended {state}", 0) for state in ENDS},
         tries={end: totals.get(f"tries {end}", 0) for end in TRY_ENDS},
         samples=totals.get("samples", 0),
         samples_saved=totals.get("samples saved", 0),
-        second_tries=totals.get("second tries", 0),
         machine_s=totals.get("machine ms", 0) / 1000,
-        wasted_s=totals.get("wasted ms", 0) / 1000,
         notices_waiting=notices,
         notice_tries={end: totals.get(f"notice tries {end}", 0) for end in NOTICE_TRY_ENDS},
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,

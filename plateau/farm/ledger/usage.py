@@ -11,7 +11,7 @@ from typing import Final
 
 from plateau.farm.ledger import records
 from plateau.farm.model.job import moment
-from plateau.farm.model.usage import Grouping, Spent
+from plateau.farm.model.usage import Grouping, UsageRow
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
@@ -33,14 +33,14 @@ def usage(
     since: datetime | None = None,
     until: datetime | None = None,
     limit: int,
-) -> tuple[list[Spent], int, Spent]:
+) -> tuple[list[UsageRow], int, UsageRow]:
     """The sums of the jobs that were submitted from `since` on and before `until`.
 
     Returns the `limit` sums of the most core hours, weeks by time and others by core hours; how
     many were left out; and the sum of all.
     """
-    rows: dict[str, Spent] = {}
-    total = Spent("", "")
+    rows: dict[str, UsageRow] = {}
+    total = UsageRow(key="", name="")
     for one in _jobs(client, by, since, until):
         total.add(one)
         if (row := rows.setdefault(one.key, one)) is not one:
@@ -53,7 +53,7 @@ def usage(
 
 def _jobs(
     client: RedisClient, by: Grouping, since: datetime | None, until: datetime | None
-) -> Iterator[Spent]:
+) -> Iterator[UsageRow]:
     """What each job has spent, newest first, read in portions."""
     before = "+inf"
     while True:
@@ -87,19 +87,19 @@ def _spent(
     fields: Mapping[str, str | None],
     owner: list[str | None],
     created_at: datetime,
-) -> Spent:
+) -> UsageRow:
     key, name = {
         "job": (job_id, fields["name"]),
         "batch": (fields["batch"], ""),
         "owner": (owner[0], owner[1]),
         "week": ("{}-W{:02}".format(*created_at.isocalendar()), ""),
     }[by]
-    return Spent(
+    return UsageRow(
         key=key or "",
         name=name or "",
         jobs=1,
-        machine_ms=int(fields["machine_ms"] or 0),
-        wasted_ms=int(fields["wasted_ms"] or 0),
+        machine_s=int(fields["machine_ms"] or 0) / 1000,
+        wasted_s=int(fields["wasted_ms"] or 0) / 1000,
         core_hours=records.core_hours(fields),
         saved_core_hours=records.saved_core_hours(fields, int(fields["slice_spp"] or 0)),
     )

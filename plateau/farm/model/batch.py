@@ -71,24 +71,22 @@ class Member:
     finished: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class BatchLine:
+class BatchLine(_Record):
     """A batch in a list of them."""
 
     name: str
-    jobs: int
-    states: dict[JobState, int]
-    newest_at: datetime  #: when its newest job was made
+    jobs: int = Field(description="how many it has")
+    states: dict[JobState, int] = Field(description="how many are in each state that any is in")
+    newest_at: datetime = Field(description="when its newest job was made")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Steered:
+class SteeredJob(_Record):
     """The result of steering one job of a batch."""
 
-    job: str
-    done: bool  #: the job is in the wanted state now, or was before
-    state: JobState | None  #: its state, which may forbid it; None where it was not asked
-    why_not: str | None
+    job: str = Field(description="its id")
+    done: bool = Field(description="whether it is so now; perhaps it was before")
+    state: JobState | None = Field(None, description="its state; null where the job was left alone")
+    why_not: str | None = Field(None, description="why it was not done")
 
 
 def summarise(

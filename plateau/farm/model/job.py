@@ -73,16 +73,6 @@ class CurvePoint(_Record):
     raw_estimate_pixels: float | None = Field(
         None, description="noise left in the image before it was denoised, where it is"
     )
-    raw_estimate_fraction: float | None = Field(
-        None, description="the same over all pixels, in [0, 1]"
-    )
-    forecast_spp: int | None = Field(
-        None,
-        description="spp at which the noise left falls to the target of the rule `visible`; null "
-        "where that is out of reach",
-    )
-    forecast_low_spp: int | None = Field(None, description="the band around it")
-    forecast_high_spp: int | None = None
     expected_spp: int | None = Field(
         None,
         description="spp at which the job is likely to end, by its rule and its min_spp, as far as "

@@ -1,13 +1,11 @@
 """The API's views of batches."""
 
-from datetime import datetime
 from typing import Any, Final
 from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.batch import Batch, BatchLine, Steered
-from plateau.farm.model.states import JobState
+from plateau.farm.model.batch import Batch, BatchLine, SteeredJob
 from plateau.farm.wire import examples
 
 
@@ -78,15 +76,11 @@ class BatchView(Batch):
     )
 
 
-class BatchLineView(BaseModel):
-    """A batch in a list of them."""
+class BatchLineView(BatchLine):
+    """A batch in a list of them, with the same paths."""
 
     model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [LINE]})
 
-    name: str
-    jobs: int = Field(description="how many it has")
-    states: dict[JobState, int] = Field(description="how many are in each state that any is in")
-    newest_at: datetime = Field(description="when its newest job was made")
     links: dict[str, str] = Field(
         description="paths of the batch, its jobs, and the calls that control it"
     )
@@ -103,17 +97,6 @@ class BatchPage(BaseModel):
     next_cursor: str | None = Field(
         description="`cursor` of the next page; null when this is the last"
     )
-
-
-class SteeredJob(BaseModel):
-    """The result of steering one job of a batch."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    job: str = Field(description="its id")
-    done: bool = Field(description="whether it is so now; perhaps it was before")
-    state: JobState | None = Field(None, description="its state; null where the job was left alone")
-    why_not: str | None = Field(None, description="why it was not done")
 
 
 class BatchSteered(BaseModel):
@@ -133,13 +116,13 @@ def batch_view(batch: Batch) -> BatchView:
 
 def line_view(line: BatchLine) -> BatchLineView:
     """A batch in a list of them, as the API shows it."""
-    return BatchLineView(**vars(line), links=_links(line.name))
+    return BatchLineView(**dict(line), links=_links(line.name))
 
 
-def steered_view(name: str, steered: list[Steered]) -> BatchSteered:
+def steered_view(name: str, steered: list[SteeredJob]) -> BatchSteered:
     """The results of steering, as the API shows them."""
     return BatchSteered(
         name=name,
         done=sum(one.done for one in steered),
-        jobs=[SteeredJob(**vars(one)) for one in steered],
+        jobs=steered,
     )

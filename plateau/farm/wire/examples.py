@@ -58,9 +58,6 @@ POINT: Final[dict[str, Any]] = {
     "estimate_fraction": 0.0014724731,
     "estimate_low_pixels": 61.0,
     "estimate_high_pixels": 148.0,
-    "forecast_spp": 1300,
-    "forecast_low_spp": 1000,
-    "forecast_high_spp": 1700,
     "expected_spp": 1300,
     "non_finite_pixels": 0,
     "at": _AT,
@@ -72,7 +69,7 @@ POINT: Final[dict[str, Any]] = {
 
 CURVE_CSV: Final = (
     "spp,visible_pixels,visible_fraction,slope,estimate_pixels,estimate_fraction,"
-    "estimate_low_pixels,estimate_high_pixels,forecast_spp,forecast_low_spp,forecast_high_spp,"
+    "estimate_low_pixels,estimate_high_pixels,"
     "expected_spp,non_finite_pixels,at,jod_value,jod_stop,reverse_value,reverse_stop\n"
     "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,1000,1700,1300,0,"
     "2026-11-21T08:12:12.826000+00:00,9.21,false,0.42,false\n"

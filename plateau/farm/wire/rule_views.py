@@ -16,6 +16,7 @@ _EXAMPLE: Final[JsonDict] = {
     "quantity": "",
     "unit": "",
     "by_quality": False,
+    "is_error": False,
     "parameters": [
         {
             "name": "spp",
@@ -72,6 +73,7 @@ class RuleView(BaseModel):
         description="whether they are the quality by ColorVideoVDP; a job with the rule has "
         "quality.png"
     )
+    is_error: bool = Field(description="whether they are an error, for a logarithmic axis")
     parameters: list[ParameterView]
 
 
@@ -96,6 +98,7 @@ def rules_view() -> Rules:
                 quantity=rule.quantity,
                 unit=rule.unit,
                 by_quality=rule.by_quality,
+                is_error=rule.is_error,
                 parameters=[
                     ParameterView(
                         name=name,

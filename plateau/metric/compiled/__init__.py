@@ -17,11 +17,10 @@ in short loops, which the compiler vectorises (`arithmetic`).
     denoise     compiled `plateau.metric.denoise`
     elevation   contrast, sensitivity and masking
     arithmetic  log2 and 2^x
-    jit         how kernels are compiled and cached
+    jit         how kernels are compiled
 """
 
-from plateau.metric.compiled.jit import cache_folder
 from plateau.metric.compiled.percept import CompiledPercept
 from plateau.metric.compiled.predictor import CompiledVisibleDifferences
 
-__all__ = ["CompiledPercept", "CompiledVisibleDifferences", "cache_folder"]
+__all__ = ["CompiledPercept", "CompiledVisibleDifferences"]

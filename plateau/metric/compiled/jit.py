@@ -1,4 +1,4 @@
-"""The compilation of kernels and the cache of compiled ones.
+"""The compilation of kernels.
 
 Kernels follow IEEE 754 strictly: LLVM may neither reorder sums nor contract a·b + c, every fused
 multiply-add is explicit, and no kernel calls a mathematics library. So the same numbers give the
@@ -8,14 +8,11 @@ last bit between kinds of CPU: the six weights of the bands, and the image if th
 
 from __future__ import annotations
 
-import hashlib
-import os
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numba
-from platformdirs import user_cache_path
+
+from plateau.metric.kernel_cache import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,10 +22,6 @@ _Kernel = TypeVar("_Kernel", bound="Callable[..., Any]")
 #: Division by zero as in numpy, because Python's rules need a branch in every loop. Without the
 #: interpreter's lock, so that other threads run meanwhile, such as one that renews a lease.
 _OPTIONS = {"error_model": "numpy", "nogil": True, "fastmath": False}
-
-_PACKAGE = Path(__file__).parent
-#: Files of the metric whose code or constants a kernel may contain.
-_SOURCES = ("*.py", "compiled/*.py", "cvvdp/*.py", "cvvdp/*.json")
 
 
 def inlined(function: _Kernel) -> _Kernel:
@@ -53,34 +46,3 @@ def entry_point(function: _Kernel) -> _Kernel:
         return cast("_Kernel", numba.njit(**_OPTIONS, cache=folder is not None)(function))
     finally:
         numba.config.CACHE_DIR = elsewhere
-
-
-@cache
-def cache_folder() -> Path | None:
-    """Return the folder of compiled kernels; None if no folder is writable.
-
-    Its parent is ``NUMBA_CACHE_DIR`` if that is set, else the package's own ``__pycache__``, else
-    the user's cache folder. Its name is a digest of the sources, because numba's cache does not
-    notice a change of a constant or of an inlined function in another file.
-    """
-    chosen = numba.config.CACHE_DIR
-    places = (
-        [Path(chosen)] if chosen else [_PACKAGE / "__pycache__", user_cache_path("plateau-kernels")]
-    )
-    for place in places:
-        folder = place / f"kernels-{_fingerprint()}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    return None
-
-
-def _fingerprint() -> str:
-    """Return a digest of every source whose code or constants a kernel may contain."""
-    digest = hashlib.sha256()
-    for source in sorted(file for kind in _SOURCES for file in _PACKAGE.parent.glob(kind)):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

@@ -31,16 +31,6 @@ class CompiledVisibleDifferences(VisibleDifferences):
     Both agree on all but about one pixel in a million. The first comparison in a process waits for
     the kernels: seconds to compile them, a fraction of a second to load them from the cache.
     Everything runs on the calling thread, without the interpreter's lock.
-
-    Examples
-    --------
-    >>> from plateau.metric import View
-    >>> metric = CompiledVisibleDifferences(View())
-    >>> grey = np.full((64, 64, 3), 0.5, np.float32)
-    >>> spot = grey.copy()
-    >>> spot[30:34, 30:34] = 1.0
-    >>> metric.compare(metric.percept(grey), metric.percept(spot)).count
-    16
     """
 
     def __init__(self, view: View) -> None:
@@ -53,31 +43,11 @@ class CompiledVisibleDifferences(VisibleDifferences):
         return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> CompiledPercept:
-        """Return the image, to be prepared when it is compared.
-
-        Parameters
-        ----------
-        image
-            (H, W, 3), of any real dtype; linear radiance unless the view has a gamma. It must not
-            change while the percept is in use.
-
-        Raises
-        ------
-        ValueError
-            If the image is not (H, W, 3).
-        """
+        """Return the image, prepared when it is compared; it must not change while it is in use."""
         return CompiledPercept(self.view, as_image(image), self._screen)
 
     def compare(self, reference: Percept, test: Percept) -> Difference:
-        """Return where the test image differs visibly from the reference.
-
-        Raises
-        ------
-        TypeError
-            If a percept is another predictor's.
-        ValueError
-            If the images differ in size, or were prepared under another view.
-        """
+        """Return where the images differ visibly; TypeError if one is another predictor's."""
         self.check(reference, test)
         ours, theirs = _own(reference), _own(test)
         for percept in (ours, theirs):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
 from plateau.metric.rules.reasons import counted, darkness, left_out
-from plateau.rules import MOST_SPP, PAPER_PIXELS, parameter
+from plateau.rules import PAPER_PIXELS, parameter
 
 if TYPE_CHECKING:
     from plateau.metric.display import Image
@@ -86,10 +85,6 @@ class RuleOverEarlierImages(Rule):
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
 
-    @abstractmethod
-    def stored_images(self, evaluations: int) -> int:
-        """Return how many images it keeps after this many evaluations at equal steps."""
-
     def memory(self) -> Memory:
         """Return the earlier images that later verdicts need."""
         return self._earlier.memory()
@@ -97,8 +92,7 @@ class RuleOverEarlierImages(Rule):
     def recall(self, memory: Memory) -> None:
         """Restore the images of an earlier rule with the same parameters."""
         earlier = EarlierImages.of(memory)
-        # A rule evaluates once per sample at most.
-        if earlier is None or len(earlier.spps) > self.stored_images(MOST_SPP):
+        if earlier is None:
             raise ValueError(f"not a memory of the rule {self.name!r}")
         self._earlier = earlier
 

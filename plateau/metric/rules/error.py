@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from plateau.metric.rules.base import Rule, Verdict
@@ -55,6 +55,7 @@ class ErrorRule(Rule):
     """
 
     by_quarters: ClassVar[bool] = True
+    is_error: ClassVar[bool] = True
     #: The error in the rule's unit is this power of the squared one.
     power: ClassVar[float] = 0.5
 
@@ -62,11 +63,9 @@ class ErrorRule(Rule):
     #: Samples per pixel before which it does not stop.
     min_spp: int = least_spp("Guards against light that is found late.")
 
-    _expected_spp: int | None = field(default=None, init=False, repr=False, compare=False)
-
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is surely reached; the value is the error."""
-        self._expected_spp = None
+        self.foreseen_spp = None
         if evidence.quarters is None or not evidence.quarters.have_light:
             dark = "no light has been found yet: the image is black"
             few = "there are no four slices yet to compare"
@@ -75,7 +74,7 @@ class ErrorRule(Rule):
         reading = self._reading(error)
         growth = self._growth(reading.sure)
         if growth * evidence.spp < MOST_SPP:
-            self._expected_spp = max(math.ceil(max(growth, 1) * evidence.spp), self.min_spp)
+            self.foreseen_spp = math.ceil(max(growth, 1) * evidence.spp)
         return Verdict(
             stop=growth <= 1 and evidence.spp >= self.min_spp,
             value=reading.value,
@@ -88,14 +87,6 @@ class ErrorRule(Rule):
             },
             reason=self._reason(evidence, error, reading, passed=growth <= 1),
         )
-
-    def expected_end_spp(
-        self,
-        forecast_spp: int | None,  # noqa: ARG002 - that of the noise left
-        crossing_spp: int | None = None,  # noqa: ARG002
-    ) -> int | None:
-        """Return where the error surely reaches the target, as it falls with 1/n."""
-        return self._expected_spp
 
     def _error(self, quarters: Quarters, evidence: Evidence) -> SquaredError:  # noqa: ARG002
         """Return the squared error by this rule's weights: the relative one."""
@@ -174,6 +165,7 @@ class Psnr(ErrorRule):
     order: ClassVar[int] = 12
     quantity: ClassVar[str] = "PSNR"
     unit: ClassVar[str] = "dB"
+    is_error: ClassVar[bool] = False
 
     target: float = _target(40.0, 5.0, 120.0, "dB", "the PSNR of the displayed image in dB")
 

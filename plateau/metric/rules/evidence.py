@@ -12,7 +12,7 @@ from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, pl
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
-from plateau.metric.forecasts import Forecast, forecast_from, when_determined
+from plateau.metric.forecasts import forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
 from plateau.metric.quality_allocation import plan_by_quality
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric.blend import BlendError
-    from plateau.metric.display import Image, Mask, Plane
+    from plateau.metric.display import Image, Mask
     from plateau.metric.standard_error import Quarters
     from plateau.metric.vdp import Percept, VisibleDifferences
 
@@ -46,8 +46,6 @@ class Evidence:
     metric: VisibleDifferences
     #: The error of a denoised image, which is not that of its halves.
     error: BlendError | None = None
-    #: What each pixel counts in the estimate, (H, W) with a mean of 1; None if all count one.
-    focus: Plane | None = None
     #: Four parts of the slices, for rules `by_quarters`; None while there are fewer than four.
     quarters: Quarters | None = None
 
@@ -101,10 +99,7 @@ class Evidence:
             model = noise_model(self.metric, self.image, self.halves)
         else:
             return None
-        return self._focused(model), self.metric.percept(model.clean)
-
-    def _focused(self, model: NoiseModel) -> NoiseModel:
-        return model if self.focus is None else replace(model, focus=self.focus)
+        return model, self.metric.percept(model.clean)
 
     @cached_property
     def estimate(self) -> Estimate | None:
@@ -118,7 +113,7 @@ class Evidence:
         if self.error is None:
             return estimate
         _, clean = self._model
-        greatest = estimate_from(self.metric, self._focused(self.error.greatest), clean)
+        greatest = estimate_from(self.metric, self.error.greatest, clean)
         return replace(
             estimate,
             high_pixels=max(estimate.high_pixels, greatest.pixels),
@@ -206,7 +201,7 @@ class Evidence:
         estimate = self.estimate
         assert estimate is not None  # as there is a model
         if self.error is not None and estimate.pixels <= self.allowed_pixels(target):
-            model = self._focused(self.error.greatest)
+            model = self.error.greatest
             estimate = estimate_from(self.metric, model, clean)
         return plan_round(
             self.metric,
@@ -220,8 +215,11 @@ class Evidence:
             sizes=sizes,
         )
 
-    def forecast(self, target: float) -> Forecast | None:
-        """Return the forecast for this target fraction of the pixels; None without halves."""
+    def forecast(self, target: float) -> int | None:
+        """Return the spp at which this fraction of the pixels is left; None if out of reach.
+
+        It is None without halves, too.
+        """
         if self._model is None or self.estimate is None:
             return None
         found = forecast_from(self.metric, *self._model, self.estimate, target, spp=self.spp)

@@ -77,7 +77,6 @@ class Jod(Rule):
     _before: tuple[int, float | None] | None = field(
         default=None, init=False, repr=False, compare=False
     )
-    _forecast_spp: int | None = field(default=None, init=False, repr=False, compare=False)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the quality in JOD."""
@@ -85,7 +84,7 @@ class Jod(Rule):
         quality = evidence.quality
         at_least = self._at_least(evidence.spp)
         self._before = evidence.spp, None if quality is None else _BEST - quality.low_jod
-        self._forecast_spp = evidence.quality_forecast(self.target)
+        self.foreseen_spp = evidence.quality_forecast(self.target)
         passed = quality is not None and quality.low_jod >= self.target
         likely = at_least is not None and _BEST - at_least >= self.target
         return Verdict(
@@ -100,14 +99,6 @@ class Jod(Rule):
             },
             reason=self._reason(evidence, quality, passed=passed, likely=likely),
         )
-
-    def expected_end_spp(
-        self,
-        forecast_spp: int | None,  # noqa: ARG002 - that of the noise left
-        crossing_spp: int | None = None,  # noqa: ARG002
-    ) -> int | None:
-        """Return where the quality is expected to reach the target."""
-        return None if self._forecast_spp is None else max(self._forecast_spp, self.min_spp)
 
     def memory(self) -> Memory:
         """Return the newest evaluation's spp, and what was lost there."""

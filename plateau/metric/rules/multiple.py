@@ -73,10 +73,6 @@ class Multiple(RuleOverEarlierImages):
         self._earlier.forget(self._earlier.spps[: -self.window])
         return verdict
 
-    def stored_images(self, evaluations: int) -> int:
-        """Return the length of the window, or the evaluations while there are fewer."""
-        return min(evaluations, self.window)
-
     def _verdict(self, evidence: Evidence) -> Verdict:
         spps = self._earlier.spps
         if len(spps) < self.window:

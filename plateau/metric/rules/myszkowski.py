@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -84,7 +83,3 @@ class Myszkowski(RuleOverEarlierImages):
         self._earlier.forget(candidates[:-1])
         self._earlier.add(evidence)
         return verdict
-
-    def stored_images(self, evaluations: int) -> int:
-        """Return the number of images from αn on, with the last one at or before it."""
-        return evaluations - max(math.floor(self.alpha * evaluations) - 1, 0)

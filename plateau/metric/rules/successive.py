@@ -68,7 +68,3 @@ class Successive(RuleOverEarlierImages):
         self._earlier.forget(before)
         self._earlier.add(evidence)
         return verdict
-
-    def stored_images(self, evaluations: int) -> int:
-        """Return 1 after the first evaluation."""
-        return min(evaluations, 1)

@@ -136,13 +136,11 @@ class Visible(Rule):
         else:
             words = f"by estimate no pixel of {evidence.pixels:,} still differs visibly "
         words += "from the converged image"
-        if evidence.focus is not None:
-            words += ", weighted by the focus"
         dark = None if pixels > 0 else darkness(evidence)
         words += ("" if dark is None else f", since {dark}") + left_out(estimate.non_finite)
 
         most = f"{allowed:.4g}"
-        if evidence.focus is None and allowed < LEAST_COUNT:
+        if allowed < LEAST_COUNT:
             most += " (none, at this size)"
         target = f"the target of {most}"
         if not passed:

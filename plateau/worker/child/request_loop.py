@@ -165,5 +165,5 @@ def _render(
         render_s = time.monotonic() - started
         notes: tuple[str, ...] = ()
         if isinstance(renderer, KnowsBlack) and not total[..., :3].any():
-            notes = (renderer.why_black(),)
+            notes = (renderer.why_black(zones),)
         answer(SumDone(at=at, render_s=render_s, notes=notes))

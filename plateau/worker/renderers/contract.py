@@ -344,8 +344,11 @@ class Renderer(Protocol):
 class KnowsBlack(Protocol):
     """A renderer that has a note on a film in which no pixel has any light."""
 
-    def why_black(self) -> str:
-        """Return why the film of the loaded scene is black, as far as that is known."""
+    def why_black(self, zones: Sequence[Zone]) -> str:
+        """Return why a film of the loaded scene, or of these zones, is black, as far as is known.
+
+        Raises `SceneError` if it is one of the whole frame, and no other could be lighter.
+        """
 
 
 def check_aovs(asked: Iterable[str], known: Iterable[str]) -> None:

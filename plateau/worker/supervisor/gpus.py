@@ -69,6 +69,15 @@ def cards(*fields: str) -> list[list[str]]:
     return [line.split(", ") for line in done.stdout.splitlines()]
 
 
+def of_worker(number: int) -> dict[str, str]:
+    """Return the variable by which the workers of a machine take its GPUs in turn, if it has some.
+
+    Dr.Jit renders on the first GPU that it sees.
+    """
+    found = [one for [one] in cards("uuid") if one.startswith("GPU-")]
+    return {"CUDA_VISIBLE_DEVICES": found[number % len(found)]} if len(found) > 1 else {}
+
+
 def shortage() -> str | None:
     """Return which of the worker's GPUs has hardly any memory free, and what to do; else None.
 

@@ -14,14 +14,6 @@ def film(*values):
     return np.array([[values]], np.float32)
 
 
-def test_sums_are_added_and_ids_stay_those_of_the_first_film():
-    total = CHANNELS.add(None, film(1, 2, 3, 2, 1, 8, 5))
-    total = CHANNELS.add(total, film(3, 2, 1, 2, 3, 4, 7))
-    assert total.tolist() == [[[4, 4, 4, 4, 4, 12, 5]]]
-    image = {name: values.item() for name, values in CHANNELS.normalised(total).items()}
-    assert image == {"R": 1, "G": 1, "B": 1, "A": 1, "Z": 3, "id.shape": 5}
-
-
 def test_light_is_divided_by_the_colour_of_the_surface_in_an_image_alone():
     names = ("R", "G", "B", "W", "light.R", "colour.R")
     channels = Channels(names, (), [["light.R", "colour.R"]])
@@ -63,12 +55,6 @@ def test_a_sum_in_float64_does_not_lose_small_films():
     for value in (1.0, *[2.0**-30] * 64):
         total = channels.add(total, film(value, value, value, 1))
     assert total[0, 0, 0] == 1 + 2.0**-24
-
-
-def test_a_pixel_that_no_sample_has_reached_is_0():
-    image = Channels().normalised(np.zeros((2, 3, 4)))
-    assert set(image) == {"R", "G", "B"}
-    assert not any(values.any() for values in image.values())
 
 
 def test_a_pixel_that_is_not_finite_stays_so_in_its_channel_alone():

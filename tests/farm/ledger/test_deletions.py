@@ -32,21 +32,6 @@ def ids(jobs: Jobs, **wanted: object) -> list[str]:
     return [job.id for job in jobs.search(**wanted)[0]]
 
 
-@pytest.mark.parametrize(("before", "after"), [*itertools.product((False, True), repeat=2)])
-def test_each_can_follow_each(jobs: Jobs, deletions: Deletions, before: bool, after: bool) -> None:
-    job = cancelled(jobs, batch="b")
-    other = cancelled(jobs, batch="b")
-    deletions.set(job, deleted=before)
-    deletions.set(job, deleted=after)
-    assert (jobs.get(job).deleted_at is not None) is after
-    assert ids(jobs) == ([other] if after else [other, job])
-    assert ids(jobs, deleted=True) == ([job] if after else [])
-    assert ids(jobs, deleted=None) == [other, job]
-    # A deleted job is in no batch, and comes back to its place in it
-    assert ids(jobs, batch="b") == ([other] if after else [other, job])
-    assert ids(jobs, batch="b", deleted=None) == [other, job]
-
-
 class TestABatch:
     def test_goes_as_one(self, client: redis.Redis, deletions: Deletions) -> None:
         jobs, batches = Jobs(client), Batches(client)

@@ -10,7 +10,7 @@ from plateau.farm.model.errors import IllegalTransition
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
-from tests.support.farms.ledger_farm import LedgerFarm, commit
+from tests.support.farms.ledger_farm import LedgerFarm
 
 POINT = {"visible_pixels": 3, "visible_fraction": 0.1, "slope": None}
 ESTIMATE = {"estimate_pixels": 9.0, "estimate_fraction": 0.1}
@@ -31,23 +31,6 @@ class Farm(LedgerFarm):
 @pytest.fixture
 def farm(client: redis.Redis) -> Farm:
     return Farm(client)
-
-
-def test_no_slice_of_a_paused_job_is_leased(farm: Farm) -> None:
-    job, _ = farm.job()
-    held = farm.lease()
-    assert held is not None
-    assert farm.jobs.pause(job.id).state is JobState.PAUSED
-    assert farm.lease() is None
-    # What is being rendered is kept alive, and committed
-    assert farm.worker().heartbeat({}, (held,)) == ()
-    assert commit(farm.worker(), held) == "committed"
-    assert farm.jobs.get(job.id).state is JobState.PAUSED
-    # When it is resumed, it goes on with the next
-    assert farm.jobs.resume(job.id).state is JobState.RENDERING
-    following = farm.lease()
-    assert following is not None
-    assert following.index == 1
 
 
 @pytest.mark.parametrize(

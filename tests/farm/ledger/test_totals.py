@@ -46,7 +46,7 @@ def test_of_an_empty_farm_all_is_zero(farm: Farm) -> None:
     census = take_census(farm.client)
     assert census.jobs == {"queued": 0, "rendering": 0, "paused": 0}
     assert census.slices == {"waiting": 0, "leased": 0}
-    assert (census.queue_age_s, census.jobs_stored, census.jobs_created) == (0, 0, 0)
+    assert census.queue_age_s == 0
     assert set(census.tries.values()) == set(census.jobs_ended.values()) == {0}
     assert census.swept_at is None
 
@@ -131,8 +131,6 @@ class TestDemand:
         assert census.demand_for(pool="night", tags=["big"]).waiting == 2
         assert census.demand_for(["cuda_ad_rgb"], pool="night").waiting == 4
         assert census.demand_for().waiting == 7
-        by_variant = {one: found.waiting for one, found in census.demand_by_variant().items()}
-        assert by_variant == {"auto": 5, "scalar_rgb": 2}
 
     def test_of_a_farm_that_never_rendered_takes_a_second_for_each_slice(self, farm: Farm) -> None:
         farm.job(slices=3)
@@ -169,10 +167,6 @@ class TestJobs:
         farm.lease()
         farm.jobs.pause(rendering.id)
         assert take_census(farm.client).jobs == {"queued": 1, "rendering": 1, "paused": 1}
-        assert (take_census(farm.client).jobs_created, take_census(farm.client).jobs_stored) == (
-            3,
-            3,
-        )
 
     def test_end_once(self, farm: Farm) -> None:
         job, owned = farm.job()
@@ -185,7 +179,6 @@ class TestJobs:
         # And that is remembered when the job itself is forgotten
         assert Scripts(farm.client).run(Forget(job=job.id, finished_for_ms=0)) == "forgotten"
         assert take_census(farm.client).jobs_ended["cancelled"] == 1
-        assert take_census(farm.client).jobs_stored == 0
 
     @pytest.mark.parametrize("end", [JobState.CONVERGED, JobState.EXHAUSTED])
     def test_save_samples_where_they_converge(self, farm: Farm, end: JobState) -> None:

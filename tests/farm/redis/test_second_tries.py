@@ -100,9 +100,7 @@ def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
         ("committed", "quick"),
         ("duplicate", "slow"),
     ]
-    census = take_census(farm.client)
-    assert (census.second_tries, census.wasted_s) == (1, 4.0)
-    assert census.tries["duplicate"] == 1
+    assert take_census(farm.client).tries["duplicate"] == 1
     # Nothing of it is leased any more, and fair shares know it
     assert farm.client.hget(keys.job(job.id), "leased") == "0"
 

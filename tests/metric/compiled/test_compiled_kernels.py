@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import plateau.metric.compiled
+from plateau.metric import kernel_cache
 from plateau.metric.compiled import (
     CompiledVisibleDifferences,
-    arithmetic,
-    cache_folder,
     denoise,
     elevation,
     jit,
@@ -25,34 +24,8 @@ from plateau.metric.compiled import (
     threshold,
 )
 from plateau.metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
+from plateau.metric.kernel_cache import cache_folder
 from plateau.metric.vdp import VisibleDifferences
-
-
-@numba.njit
-def over(function, numbers):
-    out = np.empty_like(numbers)
-    for i in range(numbers.size):
-        out[i] = function(numbers[i])
-    return out
-
-
-def test_log2_is_as_good_as_it_says():
-    x = np.geomspace(1e-37, 3e38, 200_001, dtype=np.float32)
-    exact = np.log2(x.astype(np.float64))
-    error = np.abs(over(arithmetic.log2, x) - exact)
-    assert (error <= 2e-7 + np.spacing(np.abs(exact).astype(np.float32)) / 2).all()
-    assert np.isfinite(over(arithmetic.log2, np.zeros(1, np.float32)))
-
-
-def test_exp2_is_as_good_as_it_says():
-    x = np.linspace(-126, 126, 200_001, dtype=np.float32)
-    np.testing.assert_allclose(over(arithmetic.exp2, x), np.exp2(x.astype(np.float64)), rtol=3e-7)
-
-
-def test_powers_of_two_are_exact():
-    exponents = np.arange(-126, 127, dtype=np.float32)
-    powers = np.exp2(exponents.astype(np.float64)).astype(np.float32)
-    assert np.array_equal(over(arithmetic.log2, powers), exponents)
 
 
 def thresholds(luminance):
@@ -72,19 +45,6 @@ def test_thresholds_are_those_of_numpy(brightest):
     borders = np.array([ROD_LINE_FROM, CONE_CURVE_FROM, CONE_LINE_FROM, -3.94])
     luminance = luminance[np.abs(log_light[:, np.newaxis] - borders).min(axis=1) > 1e-5]
     np.testing.assert_allclose(thresholds(luminance), luminance_threshold(luminance), rtol=3e-6)
-
-
-def test_dark_and_bright_slices_have_one_threshold():
-    # The same luminances, once with a dark neighbour and once without.
-    luminance = np.geomspace(0.04, 1e3, 5000, dtype=np.float32)
-    dark = np.float32([1e-3])
-    with_neighbour = np.empty(luminance.size + 1, np.float32)
-    threshold.per_threshold(np.concatenate([luminance, dark]), with_neighbour, luminance.size + 1)
-    alone = np.empty_like(luminance)
-    threshold.per_threshold(luminance, alone, luminance.size)
-    log_light = np.log10(luminance.astype(np.float64))
-    inside = np.abs(log_light[:, np.newaxis] - [CONE_CURVE_FROM, CONE_LINE_FROM]).min(axis=1) > 1e-5
-    np.testing.assert_allclose(with_neighbour[:-1][inside], alone[inside], rtol=2e-6)
 
 
 LOOPS = [
@@ -161,26 +121,26 @@ class TestTheCache:
         cache_folder.cache_clear()
 
     def test_it_is_where_numba_is_told(self, monkeypatch, tmp_path):
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
         assert cache_folder().parent == tmp_path / "kernels"
         assert cache_folder().is_dir()
 
     def test_else_it_is_beside_the_package(self, monkeypatch):
-        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
         package = Path(plateau.metric.compiled.__file__).parent
         assert cache_folder().parent == package / "__pycache__"
 
     def test_else_with_the_user(self, monkeypatch, tmp_path):
         # The package lies where nothing can be written: a file is in the way.
         (tmp_path / "package").touch()
-        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-        monkeypatch.setattr(jit, "_PACKAGE", tmp_path / "package")
-        monkeypatch.setattr(jit, "user_cache_path", lambda name: tmp_path / "user" / name)
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path / "package")
+        monkeypatch.setattr(kernel_cache, "user_cache_path", lambda name: tmp_path / "user" / name)
         assert cache_folder().parent == tmp_path / "user" / "plateau-kernels"
 
     def test_else_there_is_none_and_kernels_work_all_the_same(self, monkeypatch, tmp_path):
         (tmp_path / "file").touch()
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file"))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
         assert cache_folder() is None
         twice = jit.entry_point(lambda x: x + x)
         assert twice(2) == 4
@@ -194,8 +154,8 @@ class TestTheCache:
     def test_a_changed_constant_makes_another_one(self, monkeypatch, tmp_path, source):
         package = Path(plateau.metric.compiled.__file__).parents[1]
         shutil.copytree(package, tmp_path / "metric", ignore=shutil.ignore_patterns("__pycache__"))
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-        monkeypatch.setattr(jit, "_PACKAGE", tmp_path / "metric" / "compiled")
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+        monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path / "metric" / "compiled")
         before = cache_folder()
         with (tmp_path / "metric" / source).open("a") as file:
             file.write("\nNEW = 1\n")

@@ -29,50 +29,13 @@ def told(rule, counts, *, step=100, start=0):
     ]
 
 
-def values(verdicts):
-    return [verdict.value for verdict in verdicts]
-
-
 def stops(verdicts):
     return [verdict.stop for verdict in verdicts]
 
 
-CURVE = [500, 200, 100, 60, 40, 30, 25, 22, 20, 20, 20, 20, 20, 20]
-
-
 class TestSuccessive:
-    def test_it_counts_what_changed_since_the_image_before(self):
-        verdicts = told(Successive(), CURVE[:6])
-        assert values(verdicts) == [None, 300, 100, 40, 20, 10]
-        assert not any(stops(verdicts))
-
-    def test_it_stops_at_the_first_image_that_looks_like_the_one_before(self):
-        assert stops(told(Successive(), CURVE)).index(True) == 9
-        threshold = 5 * 512**2 / SIDE**2  # five pixels of an image this small
-        assert stops(told(Successive(threshold=threshold), CURVE)).index(True) == 6
-
     def test_one_pixel_never_holds_up_an_image(self):
         assert stops(told(Successive(threshold=0.0), [5, 6])) == [False, True]
-
-
-class TestMultiple:
-    def test_it_wants_a_whole_window_alike(self):
-        verdicts = told(Multiple(window=3), CURVE)
-        assert values(verdicts)[:4] == [None, None, None, 440]
-        # The image of 20 pixels is seen at 9; three of them lie before the one at 12
-        assert stops(verdicts).index(True) == 11
-        assert "any of the last 3 images" in verdicts[11].reason
-
-    def test_a_jump_back_within_the_window_is_seen(self):
-        assert not any(stops(told(Multiple(window=3), [20, 300, 20, 20])))
-
-
-class TestMyszkowski:
-    def test_it_compares_with_the_image_of_half_the_samples(self):
-        verdicts = told(Myszkowski(), CURVE[:8])
-        compared = [verdict.numbers["compared_spp"] for verdict in verdicts]
-        assert compared == [None, 100, 100, 200, 200, 300, 300, 400]
-        assert values(verdicts)[3] == 200 - 60
 
 
 RULES = [

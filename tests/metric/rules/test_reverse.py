@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from plateau.metric import Evidence, Memory, VisibleDifferences
-from plateau.metric.rules.line import least_squares_slope
 from plateau.metric.rules.reverse import Reverse
 from tests.support.images import PAPER
 
@@ -43,12 +42,6 @@ class TestTheCurve:
         assert [verdict.numbers["visible_pixels"] for verdict in verdicts] == counts
         assert verdicts[3].numbers["visible_fraction"] == 400 / SIDE**2
 
-    def test_the_first_image_is_no_point_of_it(self):
-        # Given a window of three, the line needs three images after the first.
-        verdicts = told(Reverse(window=3), [0, 90, 90, 90])
-        assert [verdict.value for verdict in verdicts] == [None, None, None, 0.0]
-        assert [verdict.stop for verdict in verdicts] == [False, False, False, True]
-
     def test_its_slope_is_the_least_squares_one_over_the_last_points(self):
         counts = [0, 300, 520, 610, 700, 690, 745, 760, 758]
         verdicts = told(Reverse(window=5), counts)
@@ -57,11 +50,6 @@ class TestTheCurve:
             expected = np.polyfit(spp[i - 4 : i + 1], counts[i - 4 : i + 1], 1)[0]
             assert verdicts[i].value == pytest.approx(expected, rel=1e-9)
             assert verdicts[i].numbers["slope"] == verdicts[i].value
-
-    def test_its_spp_need_not_be_evenly_spaced(self):
-        points = [(100, 10), (150, 30), (400, 80)]
-        expected = np.polyfit(*np.transpose(points), 1)[0]
-        assert least_squares_slope(points) == pytest.approx(expected, rel=1e-12)
 
 
 class TestStopping:

@@ -1,6 +1,7 @@
 """What a rule keeps of the images that it is shown: what it says, and nothing beside it."""
 
 import gc
+import math
 from types import FunctionType, ModuleType
 
 import numpy as np
@@ -8,7 +9,6 @@ import pytest
 
 from plateau.metric import Evidence, Half, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.rules.earlier import RuleOverEarlierImages
 from plateau.rules import rules
 from tests.support.images import PAPER
 
@@ -51,9 +51,10 @@ def held_bytes(rule):
 
 
 def stored_images(rule, evaluations):
-    if isinstance(rule, RuleOverEarlierImages):
-        return rule.stored_images(evaluations)
-    return min(evaluations, 1) if rule.name == "reverse" else 0
+    if rule.name == "myszkowski":  # all from a share of the samples on, and the one before
+        return evaluations - max(math.floor(rule.alpha * evaluations) - 1, 0)
+    most = {"successive": 1, "reverse": 1, "multiple": getattr(rule, "window", 0)}
+    return min(evaluations, most.get(rule.name, 0))
 
 
 @pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)

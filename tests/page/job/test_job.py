@@ -42,7 +42,7 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
         expect(page.locator(".reason")).to_contain_text("stopped by itself at 200 spp")
         # The final image, and the story with its last line
         expect(page.locator(".caption")).to_contain_text("200 spp")
-        expect(page.locator(".story")).to_contain_text("The final images are written.")
+        expect(page.locator(".story")).to_contain_text("Its results are written.")
     assert page.title() == "box: converged · Plateau"
     # A number that was asked for saves nothing of a cap
     expect(page.locator(".facts")).to_contain_text("200 spp")
@@ -111,7 +111,7 @@ def test_the_image_has_maps_over_it(shown: Page, finished: Finished) -> None:
     # Nothing of it is broken and all pixels have the same samples: no picture of that is offered
     for name in ("Broken", "Samples"):
         expect(shown.get_by_role("button", name=name, exact=True)).to_be_hidden()
-    expect(shown.locator(".facts")).to_contain_text(re.compile(r"200 spp(?! \()"))
+    expect(shown.locator(".facts")).not_to_contain_text("zones")
     shown.get_by_label("Overlay").fill("40")
     expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
 
@@ -210,16 +210,23 @@ def test_what_is_not_there_is_said_so(visit: Visit) -> None:
     expect(page.get_by_role("heading", name="Jobs", exact=True)).to_be_visible()
 
 
-def test_the_curve_has_a_plot_of_the_values_of_a_rule_with_its_own(
+def test_what_ends_a_job_is_its_first_plot_and_an_error_is_on_a_logarithmic_axis(
     visit: Visit, client: redis.Redis
 ) -> None:
-    job = StagedJob(client, watch=[{"name": "jod", "target": 9.5}])
+    job = StagedJob(client, rule={"name": "rmse", "target": 0.01}, watch=[{"name": "jod"}])
     job.commit(8)
-    for spp, jod in ((100, None), (200, 9.1)):
-        job.point(spp, 9, rules={"jod": {"value": jod, "stop": False}})
+    for spp, error, jod in ((100, 0.4, None), (200, 0.02, 9.1)):
+        rules = {"rmse": {"value": error, "stop": False}, "jod": {"value": jod, "stop": False}}
+        job.point(spp, 9, rules=rules)
     page = visit(f"/jobs/{job.id}", expected={404}).page
+    expect(page.locator(".plot-title").first).to_have_text("RMSE in radiance, by the rule rmse")
     expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
-    expect(page.locator(".plot canvas")).to_have_count(3)
+    expect(page.locator(".plot canvas")).to_have_count(4)
     page.locator(".plots").focus()
     page.keyboard.press("End")
     expect(page.locator(".readout")).to_contain_text("quality 9.1 JOD")
+    kinds = """async () => {
+      const { ValuePanel } = await import("/page/job/curve/panels.js");
+      return ["rmse", "psnr", "jod"].map((name) => new ValuePanel({ name }).logarithmic);
+    }"""
+    assert page.evaluate(kinds) == [True, False, False]

@@ -12,7 +12,8 @@ from plateau.farm.redis import keys
 from plateau.metric import SAMPLES_PALETTE
 from tests.page.conftest import Visit
 from tests.page.job.conftest import is_shown, png
-from tests.service.monitor.test_zones import JOB, LopsidedFarm, finished
+from tests.support.farms.finished_jobs import finished
+from tests.support.farms.lopsided_farm import JOB, LopsidedFarm
 from tests.support.farms.noise_farm import NoiseFarm
 
 STYLE = Path(__file__).parents[3] / "plateau" / "service" / "page" / "job" / "viewer" / "viewer.css"
@@ -34,7 +35,7 @@ def test_they_are_shown_with_their_scale(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{job.id}").page
     between = f"{job.spp:,} spp ({job.spp_min:,} to {job.spp_max:,})"
     expect(page.locator(".reason")).to_contain_text(f"It stopped by itself at {between}")
-    expect(page.locator(".facts")).to_contain_text(between)
+    expect(page.locator(".facts")).to_contain_text(f"zones {job.spp_min:,} to {job.spp_max:,}")
     page.get_by_role("button", name="Samples", exact=True).click()
     is_shown(page.locator("img.layer").last, png(farm.picture(job, "spp.png")))
     expect(page.locator(".caption")).to_contain_text("zones of 16 × 16 pixels")

@@ -7,9 +7,8 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.page.conftest import Visit
 from tests.page.job.conftest import Finished, is_shown, png
-from tests.page.test_access import violations
 from tests.support.long_tests import rare
-from tests.support.processes.browser import Visitor
+from tests.support.processes.browser import Visitor, violations
 
 
 def test_pixels_are_crisp(shown: Page, finished: Finished) -> None:

@@ -4,8 +4,8 @@ from playwright.sync_api import expect
 
 from plateau.farm.model.spec import BatchSpec
 from tests.page.conftest import Visit
-from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.processes.browser import violations
 
 SHOT = {
     "shot": {"fps": 24, "target": None},

@@ -17,10 +17,10 @@ from plateau.study.client import StudyCalls
 from plateau.study.model import Screen
 from tests.page.conftest import Visit
 from tests.page.job.conftest import is_shown, png
-from tests.page.test_access import violations
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
 from tests.support.long_tests import rare
+from tests.support.processes.browser import violations
 
 meet_extensions()
 

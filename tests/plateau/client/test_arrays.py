@@ -82,7 +82,7 @@ def test_a_curve_is_columns_called_as_in_its_csv(plateau: Client, client: redis.
     assert columns["visible_pixels"].tolist() == [7, 9]
     assert np.array_equal(columns["slope"], [np.nan, 0.02], equal_nan=True)
     assert np.array_equal(columns["reverse_value"], [np.nan, 0.02], equal_nan=True)
-    assert np.isnan(columns["forecast_spp"]).all()
+    assert np.isnan(columns["expected_spp"]).all()
     assert (columns["reverse_stop"].dtype, columns["at"].dtype.kind) == (np.bool_, "M")
     for name, column in columns.items():
         if column.dtype == np.float64:

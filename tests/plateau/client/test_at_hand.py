@@ -66,7 +66,7 @@ def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
     assert plateau.job(job[:6]).id == plateau.whole_id(job[:4]) == job
     assert plateau.curve(job[:5]) == []
     assert plateau.cancel(job[:4]).id == job
-    assert [one.id for one in plateau.jobs().jobs] == [job]
+    assert [one.id for one in plateau.all_jobs()] == [job]
     unknown = next(text for text in ("0000", "ffff") if not job.startswith(text))
     with pytest.raises(BadId, match=f"no job has an id that begins with {unknown}"):
         next(plateau.events(unknown))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.client import ApiError, Client
+from plateau.client import ApiError, Client, jobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -27,7 +27,12 @@ def box(tmp_path: Path) -> Path:
 
 
 def test_a_scene_goes_in_and_its_job_comes_out(
-    plateau: Client, box: Path, client: redis.Redis, store: Blobs, tmp_path: Path
+    plateau: Client,
+    box: Path,
+    client: redis.Redis,
+    store: Blobs,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # A folder is packed with its meshes, and named after itself
     job = plateau.submit(box, JobSpec(max_spp=200, batch="b"))
@@ -36,11 +41,12 @@ def test_a_scene_goes_in_and_its_job_comes_out(
     assert plateau.scenes()[0].sha256 == job.scene_sha256
     # It can be submitted again by its hash
     again = plateau.submit(job.scene_sha256)
-    assert [one.id for one in plateau.jobs().jobs] == [again.id, job.id]
-    assert [one.id for one in plateau.jobs(batch="b").jobs] == [job.id]
-    assert plateau.jobs(state=JobState.FAILED).jobs == []
-    page = plateau.jobs(limit=1)
-    assert [one.id for one in plateau.jobs(limit=1, cursor=page.next_cursor).jobs] == [job.id]
+    assert [one.id for one in plateau.all_jobs()] == [again.id, job.id]
+    assert [one.id for one in plateau.all_jobs(batch="b")] == [job.id]
+    assert list(plateau.all_jobs(state=JobState.FAILED)) == []
+    assert [one.id for one in plateau.all_jobs(limit=1)] == [again.id]
+    monkeypatch.setattr(jobs, "_LARGEST_PAGE", 1)
+    assert [one.id for one in plateau.all_jobs()] == [again.id, job.id]
     # When it is worked on (the other one is out of the way)
     plateau.cancel(again.id)
     staged = StagedJob(client, job.id)

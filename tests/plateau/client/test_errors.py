@@ -77,7 +77,7 @@ def test_what_is_no_service_is_said_to_be_none(
 ) -> None:
     url = server(lambda _: (status, body, {"Location": "/elsewhere"}))
     with Client(url) as client, pytest.raises(NotPlateau, match=f"{url} is no Plateau service"):
-        client.jobs()
+        list(client.all_jobs())
 
 
 def test_a_service_that_wants_to_be_left_alone_for_a_second_is(
@@ -91,7 +91,7 @@ def test_a_service_that_wants_to_be_left_alone_for_a_second_is(
 
     started = time.monotonic()
     with Client(server(answers)) as client:
-        assert client.jobs().jobs == []
+        assert list(client.all_jobs()) == []
     assert time.monotonic() - started >= 1
 
 
@@ -103,7 +103,7 @@ def test_one_that_wants_to_be_left_alone_for_longer_than_the_client_is_patient_i
         Client(server(lambda _: (429, problem, {"Retry-After": "600"}))) as client,
         pytest.raises(ApiError, match="slower") as caught,
     ):
-        client.jobs()
+        list(client.all_jobs())
     assert (caught.value.status, caught.value.retry_after_s) == (429, 600)
 
 
@@ -120,7 +120,7 @@ def test_an_answer_that_does_not_come_is_not_waited_for_for_ever(
         Client(server(answers), patience_s=0, timeout_s=0.3) as client,
         pytest.raises(Unreachable, match=r"timed out|silent"),
     ):
-        client.jobs()
+        list(client.all_jobs())
     left.set()
 
 
@@ -142,7 +142,7 @@ def test_a_command_is_not_for_a_service_of_another_version(
     url = server(lambda _: (200, _NO_JOBS, {"Plateau-Version": "7.3.1"}))
     says = f"this is Plateau {versions.plateau()}, and the service at {url} is Plateau 7.3.1"
     with connect(url) as client, pytest.raises(OtherVersion, match=says):
-        client.jobs()
+        list(client.all_jobs())
     assert client.service_version == "7.3.1"
     done = CliRunner().invoke(app, ["list", "--url", url])
     assert done.exit_code == ExitCode.INCOMPATIBLE
@@ -155,8 +155,8 @@ def test_a_command_waits_for_a_service_that_it_has_heard(
     away = (503, b"", {"Retry-After": "0"})
     url = server(lambda asked: away if asked in {1, 2} else (200, _NO_JOBS, {}))
     with connect(url) as client:
-        client.jobs()
-        assert client.jobs().jobs == []
+        list(client.all_jobs())
+        assert list(client.all_jobs()) == []
     # But not for one that was away from the first
     with connect(server(lambda _: away)) as client, pytest.raises(ApiError):
-        client.jobs()
+        list(client.all_jobs())

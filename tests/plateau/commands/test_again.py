@@ -57,7 +57,7 @@ def test_a_scene_is_rendered_anew_with_what_was_changed(farm: NoiseFarm) -> None
     asked = {
         **SHORT,
         "parameters": {"width": "64", "height": "48"},
-        "view": {"exposure_ev": 1.0, "focus": [[1.0, 0.5]]},
+        "view": {"exposure_ev": 1.0},
         "watch": [{"name": "visible"}],
         "keep_slices": True,
         "notice": {"url": "https://studio.example/hook", "secret": SECRET},

@@ -18,7 +18,6 @@ from plateau.farm.model.states import JobState
 from plateau.metric import View
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau
-from tests.support.scenes.bundles import mesh, scene
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 
@@ -388,16 +387,6 @@ class TestTalkingToAService:
 
 
 class TestErrorsAreOneLine:
-    @pytest.mark.parametrize("command", ["submit", "render"])
-    def test_of_a_scene(self, tmp_path: Path, command: str) -> None:
-        broken = tmp_path / "broken.xml"
-        broken.write_bytes(scene(mesh("gone.ply")))
-        code, _, err = plateau(command, str(broken))
-        assert code == 1
-        assert "gone.ply" in err
-        assert len(err.splitlines()) == 1
-        assert plateau(command, str(tmp_path / "nowhere.xml"))[0] == 1
-
     @pytest.mark.parametrize("command", ["api", "monitor", "worker"])
     def test_of_a_process_without_a_farm(
         self, command: str, monkeypatch: pytest.MonkeyPatch

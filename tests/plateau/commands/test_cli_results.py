@@ -67,7 +67,7 @@ class TestShow:
     def test_tells_of_a_job_that_runs(self, client: redis.Redis) -> None:
         job = StagedJob(client, rule={"name": "visible"})
         job.commit(8)
-        job.point(200, 9, forecast_spp=1000, expected_spp=1000)
+        job.point(200, 9, expected_spp=1000)
         # Given that it was submitted 100 s ago, and has rendered for 50 s up to its only point
         created = moments(client, job, created=-100, started=-50)
         client.hset(keys.job(job.id), "latest_at", created + 100_000)

@@ -169,10 +169,10 @@ class TestAClient:
 
     def test_shows_its_key(self, api: str, key: str) -> None:
         with Client(api) as nobody, pytest.raises(ApiError, match="PLATEAU_KEY") as refused:
-            nobody.jobs()
+            list(nobody.all_jobs())
         assert (refused.value.status, refused.value.slug) == (401, "no-key")
         with Client(api, key=key) as viewer:
-            assert viewer.jobs().jobs == []
+            assert list(viewer.all_jobs()) == []
             with pytest.raises(ApiError, match="--role submitter") as refused:
                 viewer.cancel("0123456789ab")
             assert refused.value.slug == "role-too-low"
@@ -239,16 +239,16 @@ class TestAService:
             "open to everybody on this machine, and to nobody else: there is no API key yet"
         )
         with Client(url) as client:
-            assert client.jobs().jobs == []
+            assert list(client.all_jobs()) == []
             # While it runs, and the data folder is its own
             shown = say("keys", "create", "me")[0].strip()
             with pytest.raises(ApiError, match="API key"):
-                client.jobs()
+                list(client.all_jobs())
         with Client(url, key=shown) as client:
-            assert client.jobs().jobs == []
+            assert list(client.all_jobs()) == []
         say("keys", "revoke", shown.split("_")[1])
         with Client(url, key=shown) as client, pytest.raises(ApiError, match="was revoked"):
-            client.jobs()
+            list(client.all_jobs())
 
     def test_listens_elsewhere_with_a_key_only(self, start: Start, say: Say) -> None:
         elsewhere = ("up", "--workers", "0", "--port", "0", "--host", "0.0.0.0")
@@ -262,13 +262,13 @@ class TestAService:
         up.wait_for("Every request needs an API key")
         up.wait_for("API keys travel over plain HTTP, which others on the network can read")
         with Client(f"http://127.0.0.1:{port}") as client, pytest.raises(ApiError, match="API key"):
-            client.jobs()
+            list(client.all_jobs())
 
     def test_may_stay_open_on_this_machine(self, start: Start, say: Say) -> None:
         say("keys", "create", "me")
         up = start("up", "--workers", "0", "--port", "0", "--open")
         with Client(up.wait_for(READY)) as client:
-            assert client.jobs().jobs == []
+            assert list(client.all_jobs()) == []
         up.wait_for("as --open asks")
 
     def test_says_what_is_wrong_with_a_certificate(self, say: Say, tmp_path: Path) -> None:
@@ -297,7 +297,7 @@ class TestAService:
         assert url.startswith("https://")
         assert "plain HTTP" not in up.said
         with pytest.raises(Unreachable, match=r"(?i)certificate"):  # nobody vouches for it
-            Client(url, key=shown, patience_s=0).jobs()
+            list(Client(url, key=shown, patience_s=0).all_jobs())
         # If a job is rendered with a key, and others are refused
         with_key = {"PLATEAU_URL": url, "SSL_CERT_FILE": authority, "PLATEAU_KEY": shown}
         small = ("-D", "width=32", "-D", "height=32", "--rule", "fixed", "--spp", "100")

@@ -43,19 +43,6 @@ def render(tmp_path: Path) -> Iterator[Render]:
         command.end()
 
 
-def visible(folder: Path) -> set[str]:
-    """The names of what a person sees in the folder."""
-    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
-
-
-def of_an_earlier_job(out: Path) -> Path:
-    """An image that an earlier job left there."""
-    out.mkdir()
-    (out / ".plateau-job").write_text("0123456789ab\n")
-    (out / "image.png").write_text("an earlier image")
-    return out / "image.png"
-
-
 def left_nothing(command: Command) -> None:
     command.is_gone()
     assert list(command.temporary.iterdir()) == []
@@ -69,7 +56,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["state"], summary["spp"]) == ("converged", 100)
     assert [point["spp"] for point in summary["curve"]] == [50, 100]
-    assert visible(out) == {
+    assert {path.name for path in out.iterdir() if path.name[0] != "."} == {
         "curve.csv",
         "curve.svg",
         "difference.png",
@@ -101,7 +88,10 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
 
 
 def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render, tmp_path: Path) -> None:
-    earlier = of_an_earlier_job(tmp_path / "out")
+    earlier = tmp_path / "out" / "image.png"
+    earlier.parent.mkdir()
+    (tmp_path / "out" / ".plateau-job").write_text("0123456789ab\n")
+    earlier.write_text("an earlier image")
     command = render()
     until(lambda: len(command.family()) >= 1, 60)
     command.process.send_signal(signal.SIGINT)
@@ -122,22 +112,6 @@ def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
     assert left
     again = render()
     until(lambda: not any(path.exists() for path in left), 120, lambda: again.said)
-
-
-@pytest.mark.long
-def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
-    of_an_earlier_job(tmp_path / "out")
-    faces = b'"rectangle"><integer name="faces" value="12"/></shape>'
-    command = render(text=FLOOR.replace(b'"rectangle"/>', faces))
-    assert command.exit_code(120) == 1
-    left_nothing(command)
-    assert "the job failed" in command.said
-    assert "faces" in command.said
-    assert "Traceback" not in command.said
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["state"], "faces" in summary["reason"]) == ("failed", True)
-    # And no image of an earlier job is beside it
-    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
 
 
 class TestWhatItsOwnWorkersCannotDo:

@@ -10,20 +10,6 @@ from plateau.processes import data_folder
 from plateau.processes.data_folder import DataFolder, InUse, is_in_use
 
 
-def test_a_second_tree_is_refused_and_told_where_the_first_is(tmp_path: Path) -> None:
-    with DataFolder(tmp_path / "data") as first:
-        first.note_url("http://127.0.0.1:1234")
-        assert is_in_use(first.path)
-        with (
-            pytest.raises(InUse, match=r"already runs there at http://127\.0\.0\.1:1234"),
-            DataFolder(tmp_path / "data"),
-        ):
-            pass
-    assert not is_in_use(tmp_path / "data")
-    with DataFolder(tmp_path / "data"):
-        pass
-
-
 def test_who_inherits_the_lock_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Given a process of a tree whose root was killed
     program = "import os, sys; os.write(1, b'x'); sys.stdin.read()"

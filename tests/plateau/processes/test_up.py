@@ -128,6 +128,7 @@ def test_a_port_that_is_taken_is_said_to_be(service: Command, up: Up, tmp_path: 
         log = (tmp_path / "data" / "logs" / "api.log").read_text()
         assert log.count("cannot listen on 127.0.0.1") == times
         assert second.said.count("cannot listen on 127.0.0.1") == 1
+        assert "give another --port" in second.said
 
 
 @pytest.mark.parametrize("name", ["api", *rare("monitor")])
@@ -137,7 +138,7 @@ def test_a_process_that_dies_is_started_again(service: Command, name: str) -> No
     service.wait_for(f"{name} was ended by SIGKILL; starting it again")
     until(lambda: len(service.family()) == FAMILY, 60)
     with Client(url) as client:  # the API has its port again
-        assert client.jobs().jobs == []
+        assert list(client.all_jobs()) == []
 
 
 def test_redis_is_started_again_with_all_that_it_had(service: Command, box: Path) -> None:

@@ -131,6 +131,10 @@ def test_a_scene_that_mitsuba_refuses_is_an_error_with_its_words(run: Run) -> No
     assert result._repr_png_() is None
     with pytest.raises(CommandFailed, match=r"has no image\.exr: failed, "):
         _ = result.image
+    # And its error survives a pickle
+    error = pickle.loads(pickle.dumps(RenderFailed(result)))
+    assert str(error) == f"the job failed: {result.reason}"
+    assert error.result.job == result.job
 
 
 @pytest.fixture(scope="module")
@@ -173,11 +177,3 @@ def test_what_is_wrong_is_told_before_anything_starts(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(CommandFailed, match="is a file"):
         plateau.render("scenes:box", out=tmp_path / "file")
-
-
-@pytest.mark.long
-def test_an_error_survives_a_pickle(run: Run) -> None:
-    result = result_of(run(rule={"name": "fixed", "spp": 25}, step=25, progress=False))
-    error = pickle.loads(pickle.dumps(RenderFailed(result)))
-    assert str(error) == f"the job failed: {result.reason}"
-    assert error.result.job == result.job

@@ -8,14 +8,12 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
-import pytest
 import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.service.api.problems import catalogue as problems
-from plateau.service.api.process import CannotListen, listen
 from tests.support.api_calls import problem, submit
 from tests.support.farms.live_api import live_api
 from tests.support.farms.staged_job import StagedJob
@@ -47,11 +45,6 @@ class TestStrangers:
             problem(submit(http, headers={"Origin": origin}), 403, "foreign-origin")
         origin = str(http.base_url).rstrip("/")
         assert submit(http, headers={"Origin": origin}).status_code == 201
-
-
-def test_a_taken_port_is_said_to_be(session_api: str) -> None:
-    with pytest.raises(CannotListen, match=r"(?i)address already in use; .*--port"):
-        listen("127.0.0.1", int(session_api.rpartition(":")[2]))
 
 
 class TestWithoutRedis:

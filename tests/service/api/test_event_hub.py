@@ -52,18 +52,6 @@ def test_each_watcher_has_each_event_once_and_in_order(redis_url: str, client: r
     with_hub(redis_url, story)
 
 
-def test_a_quiet_job_says_that_it_is_there(redis_url: str, client: redis.Redis) -> None:
-    async def story(hub: EventHub) -> None:
-        known = announce(client, 0)
-        batches = hub.events(JOB, known, idle_s=0.05)
-        assert [await anext(batches) for _ in range(3)] == [(), (), ()]
-        announce(client, 1, "finished")
-        rest = [batch async for batch in batches]
-        assert [len(batch) for batch in rest if batch] == [1]
-
-    with_hub(redis_url, story)
-
-
 def test_a_watcher_is_told_to_stop_before_it_has_asked(redis_url: str) -> None:
     async def story(hub: EventHub) -> None:
         watching = asyncio.create_task(all_of(hub))

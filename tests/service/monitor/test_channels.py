@@ -16,8 +16,9 @@ from plateau.farm.model import versions
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.metric import encode_srgb
-from tests.service.api.routes.test_again import go_on
+from tests.support.farms.finished_jobs import go_on
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, ramp
+from tests.support.images.plain_exr import header
 from tests.support.until import until
 
 AOVS = ("albedo", "depth", "shape_id")
@@ -34,11 +35,6 @@ def finished(farm: NoiseFarm, **spec: object) -> Job:
     job = farm.submit(**{**JOB, **spec})
     with farm.monitor():
         return farm.finish(job)
-
-
-def header(content: bytes) -> dict[str, object]:
-    with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
-        return dict(file.header())
 
 
 def pixel_types(content: bytes) -> dict[str, np.dtype]:

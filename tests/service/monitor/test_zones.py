@@ -1,36 +1,27 @@
 """A job that is allocated by zones: its samples go where more is left to see."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import redis
 
 from plateau.farm.images.exr import (
-    Pixels,
     decode_layers,
-    decode_partial,
-    encode_partial,
 )
-from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
-from tests.service.api.routes.test_again import go_on, loses
-from tests.support.farms.finished_jobs import finish_by_many_monitors, finished
-from tests.support.farms.noise_farm import NoiseFarm, ramp
+from tests.support.farms.finished_jobs import finish_by_many_monitors, finished, go_on, loses
+from tests.support.farms.lopsided_farm import HEIGHT, JOB, WIDTH, ZONES, LopsidedFarm
+from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
 from tests.support.long_tests import rare
 from tests.support.until import until
 
-HEIGHT, WIDTH = 16, 96
 PIXELS = HEIGHT * WIDTH
-ZONES = {"allocation": {"name": "zones", "size": 16}, "step": 40, "slice_spp": 10}
-JOB = {**ZONES, "rule": {"name": "visible", "target": 0.02}, "max_spp": 4000}
 DENOISED = {
     **JOB,
     "rule": {"name": "visible", "target": 0.01, "min_spp": 1},
@@ -45,37 +36,6 @@ ANY = pytest.mark.parametrize(
     "spec", [JOB, DENOISED, BY_QUALITY], ids=["as it is", "denoised", "by quality"]
 )
 MOSTLY = pytest.mark.parametrize("spec", [JOB, *rare(DENOISED)], ids=["as it is", "denoised"])
-
-
-class Lopsided:
-    """A picture with noise in its left third."""
-
-    def __init__(self, sigma: float) -> None:
-        self._noisy, self._calm = (ramp(level, size=(HEIGHT, WIDTH)) for level in (sigma, 0.01))
-        self.channels = self._noisy.channels
-
-    def film(self, spp: int, seed: int) -> Pixels:
-        film = self._calm.film(spp, seed)
-        film[:, :32] = self._noisy.film(spp, seed)[:, :32]
-        return film
-
-
-class LopsidedFarm(NoiseFarm):
-    """A farm whose slices are noisy to the left."""
-
-    variant = "llvm_ad_rgb"
-    size = (HEIGHT, WIDTH)
-
-    def __init__(self, *arguments: Any, **more: Any) -> None:
-        super().__init__(*arguments, **more)
-        self.wrong: dict[str, Any] = {}  #: what its worker says of a slice instead
-
-    def _shown(self, _: Lease) -> Lopsided:
-        return Lopsided(self.sigma)
-
-    def _partial(self, lease: Lease, spp: int, film: Pixels) -> bytes:
-        made = decode_partial(super()._partial(lease, spp, film))
-        return encode_partial(replace(made, **self.wrong))
 
 
 @pytest.fixture
@@ -115,7 +75,7 @@ def test_by_quality_the_target_says_how_many_samples_a_round_has(farm: NoiseFarm
     one, other = ({**BY_QUALITY, "rule": rule, "max_spp": 240} for rule in rules)
     near, far, again = finished(farm, **one), finished(farm, **other), farm.submit(**other)
     first = [farm.jobs.plan(job).decided[0].samples for job in (near, far)]
-    forecasts = [farm.jobs.curve(job.id)[0].forecast_spp or 0 for job in (near, far)]
+    forecasts = [farm.jobs.curve(job.id)[0].expected_spp or 0 for job in (near, far)]
     assert first[0] < first[1]
     assert 80 < forecasts[0] < forecasts[1]
     # Its image depends on no monitor and no order

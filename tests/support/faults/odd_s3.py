@@ -7,7 +7,6 @@ servers, in tests/cluster.
 import re
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from types import TracebackType
 
 
 def error(status: int, code: str) -> tuple[int, bytes]:
@@ -43,12 +42,7 @@ class OddS3:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._over.set()
         self._server.shutdown()
         self._thread.join()

@@ -9,7 +9,6 @@ import os
 import struct
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 import pytest
@@ -40,12 +39,7 @@ class BoundFolder:
         c_call("mount", folder, seen, None, _BIND, None, what="mount")
         return self._seen
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         _unmount(self._seen)
 
 
@@ -78,12 +72,7 @@ class SilentMount:
             content = (*_VERSION, 0, 0, 16, 12, 4096, 1, 1, 0, 0)
             os.write(self._device, _GREETING.pack(size, 0, number, *content))
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         _unmount(self._folder)
         os.close(self._device)
 

@@ -5,6 +5,7 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib import resources
 from typing import Any
 
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
@@ -22,6 +23,10 @@ _TELL_VIOLATIONS = """
 document.addEventListener("securitypolicyviolation", (event) =>
   console.error(`policy: ${event.violatedDirective} ${event.blockedURI} ${event.sample}`));
 """
+
+_AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")
+#: WCAG 2.2, level AA, and what is good practice beside it.
+_RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 
 @contextmanager
@@ -97,3 +102,14 @@ class Visitor:
     def forgive(self) -> None:
         """Forget what has gone wrong so far."""
         self._wrong.clear()
+
+
+def violations(page: Page) -> list[str]:
+    """What breaks the rules of accessibility on the page as it is."""
+    page.evaluate(_AXE)
+    found = page.evaluate("rules => axe.run({ runOnly: rules })", _RULES)
+    assert len(found["passes"]) > 15, "axe has hardly looked"
+    return [
+        f"{one['id']}: {one['help']}: {[node['html'] for node in one['nodes']]}"
+        for one in found["violations"]
+    ]

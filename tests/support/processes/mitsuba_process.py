@@ -163,3 +163,8 @@ def add_clock() -> None:
 def resident_bytes() -> int:
     """The memory that the process has in use."""
     return psutil.Process().memory_info().rss
+
+
+def why_black(*zones: Zone) -> str:
+    """Why a film of the loaded scene, or of these zones, is black."""
+    return _renderer.why_black(zones)

@@ -108,9 +108,6 @@ REFUSED: dict[str, Callable[[], object]] = {
         {"type": "rectangle", "emitter": {"type": "area"}}
     ),
     "x.value.data is a tensor, and 'sphere'": lambda: {"type": "sphere", "data": [1.0]},
-    "has the type 'spheres', which Mitsuba does not have; did you mean 'sphere'?": (
-        lambda: {"type": "spheres"}
-    ),
     "x.value names the folder 'nowhere', which is not there": (
         lambda: {"type": "resources", "path": "nowhere"}
     ),
@@ -139,14 +136,6 @@ def picture_by_resources(folder: Path, *, absolute: bool, first: bool) -> str:
     parts = [("a", resources), ("b", _WITH_PICTURE)][:: 1 if first else -1]
     with contextlib.chdir(folder):
         return _picture_of(dict(parts))
-
-
-def missing_picture() -> str:
-    """What is said of a picture that is nowhere."""
-    try:
-        return _picture_of({"b": _WITH_PICTURE})
-    except BundleError as error:
-        return f"{error.code}: {error}"
 
 
 _WITH_PICTURE: Final = {

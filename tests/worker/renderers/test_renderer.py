@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.slices.zones import Zone
 from plateau.worker.renderers.contract import SceneError
 from tests.support import long_tests
 from tests.support.long_tests import rare
@@ -326,11 +327,9 @@ REFUSALS = {
     "a film without pixels": ([], {"width": "0"}, "the film's width is 0; make it 1 or more"),
     "a film too large": ([], {"width": str(2**23)}, "renders 67,108,864 at most"),
     "an unknown plugin": ([('"sphere"', '"sfere"')], {}, 'Plugin "sfere" not found'),
-    "an unknown property": ([('"center"', '"centre"')], {}, "unreferenced property.*\n.*centre"),
-    "a reference to nothing": ([(BSDF, '<ref id="red"/>')], {}, '"red"'),
     "XML that does not end": ([("</scene>", "")], {}, "scene.xml.*failed"),
     "a part of a scene": ([(SCENE, '<bsdf version="3.0.0" type="diffuse"/>')], {}, "scene"),
-    "no sensor": ([(SENSOR, "")], {}, "the scene has no sensor"),
+    "no sensor": ([(SENSOR, "")], {}, "the scene has no (sensor|camera)"),
     "no integrator": ([(INTEGRATOR, "")], {}, "the scene has no integrator"),
     "a film that is no hdrfilm": ([('"hdrfilm"', '"specfilm"')], {}, "is a 'specfilm'"),
     "particle tracing": ([('"path"', '"ptracer"')], {}, "'ptracer' does not sample pixel by pixel"),
@@ -369,6 +368,17 @@ class TestRefusals:
             mitsuba.load(tmp_path)
         with pytest.raises(RuntimeError, match="no scene is loaded"):
             mitsuba.render_pass(1, 0)
+
+    def test_a_frame_that_nothing_lights_but_no_zone_and_no_aov_of_it(self, mitsuba, tmp_path):
+        dark = _scene(tmp_path, ('<emitter type="constant"/>', ""))
+        mitsuba.load(dark)
+        left, right = Zone(0, 0, 16, 16), Zone(16, 0, 8, 16)
+        for whole in ((), (left, right)):
+            with pytest.raises(SceneError, match="is black: the scene has no emitter; add one"):
+                mitsuba.call(mitsuba_process.why_black, *whole)
+        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black, left)
+        mitsuba.load(dark, aovs=("albedo",))
+        assert "the scene has no emitter" in mitsuba.call(mitsuba_process.why_black)
 
 
 def test_a_scene_is_freed_when_the_next_is_loaded(mitsuba):

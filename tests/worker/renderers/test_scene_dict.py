@@ -44,9 +44,3 @@ def test_files_are_found_in_its_resources(
     (tmp_path / "there").mkdir()
     picture = partial(scene_dicts.picture_by_resources, absolute=absolute, first=first)
     assert mitsuba.call(picture, tmp_path) == "i.png"
-
-
-def test_a_file_that_is_nowhere_is_named_where_the_dict_names_it(mitsuba: MitsubaProcess) -> None:
-    said = mitsuba.call(scene_dicts.missing_picture)
-    assert said.startswith("missing-file: b.bsdf.reflectance.filename names 'i.png', which is in")
-    assert "scene.xml" not in said

@@ -75,3 +75,20 @@ def test_only_the_cards_that_are_named_are_asked_for(
     assert gpus.shortage() is None
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1,3")
     assert str(gpus.shortage()).startswith("GPU 3 has 5")
+
+
+@pytest.mark.parametrize(
+    ("says", "taken"),
+    [
+        ("echo GPU-a; echo GPU-b", ["GPU-a", "GPU-b", "GPU-a"]),
+        ("echo GPU-a", [None, None, None]),
+        ("echo No devices were found", [None, None, None]),
+    ],
+)
+def test_the_workers_of_a_machine_take_its_gpus_in_turn(
+    says: str, taken: list[str | None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_on_path(
+        tmp_path / "nvidia-smi", f'[ "$1" = --query-gpu=uuid ] && {{ {says}; }}', monkeypatch
+    )
+    assert [gpus.of_worker(number).get("CUDA_VISIBLE_DEVICES") for number in range(3)] == taken

@@ -200,12 +200,6 @@ class SharedSpec(Strict):
             )
         if isinstance(self.allocation, ZonesAllocation):
             self._check_zones()
-        chosen_by_noise = self.by_zones and self.rule.behaviour.quality_target is None
-        if self.view.focus is not None and self.noise_target is None and not chosen_by_noise:
-            raise ValueError(
-                "a focus weighs the noise that is left, for which no rule of the job waits: choose "
-                "the rule visible, or watch it"
-            )
         if self.by_quarters and (self.by_zones or self.is_denoised):
             raise ValueError(
                 "the error of an image is known where it has whole frames, as rendered: choose the "
@@ -239,7 +233,8 @@ class SharedSpec(Strict):
         """Why `auto` is the frame on this variant; None where it is zones.
 
         Only by the quality zones lose nothing. Kept slices may be compared frame by frame, or
-        judged with another step. The variant `auto` may have zones: its first worker decides.
+        judged with another step. A GPU waits for the judgements of zones longer than it would
+        render their samples. The variant `auto` may have zones: its first worker decides.
         """
         if self.rule.behaviour.quality_target is None or self.by_quarters:
             return "rule"
@@ -247,7 +242,10 @@ class SharedSpec(Strict):
             return "shot"
         if self.keep_slices:
             return "keep_slices"
-        return None if _may_render_zones(variant) else "variant"
+        if not _may_render_zones(variant):
+            return "variant"
+        is_on_gpu = variant != renderers.AUTO and renderers.variant_named(variant).on_gpu
+        return "gpu" if is_on_gpu else None
 
     def settled(self: _Spec, variant: str) -> _Spec:
         """The spec on this variant: what `auto` is there takes its place."""

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import BeforeValidator
 from pydantic_core.core_schema import no_info_before_validator_function
 
 
@@ -96,7 +95,6 @@ SHOT = _Text(_shot, "FPS or FPS:target=JOD")
 COLOUR = _Text(_colour, "R,G,B")
 PARAMETERS = _Text(parameters, "NAME=VALUE", is_several=True, title="Parameters")
 LIST = _Text(_list, "one entry of the list")
-LISTED = BeforeValidator(_tuple)
 
 
 def _definitions(text: str, form: str, whole: str) -> dict[str, Any]:

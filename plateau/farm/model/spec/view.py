@@ -5,39 +5,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from plateau.farm.model.spec.rule_model import Strict
-from plateau.farm.model.spec.texts import COLOUR, LISTED
+from plateau.farm.model.spec.texts import COLOUR
 
 #: Pixels in a degree: from pixels that are ten degrees wide to those that no eye resolves.
 DENSITIES: Final = (0.1, 1000.0)
 
-#: The most rows and columns of a focus: some degrees each, as fine as an eye's own.
-MOST_FOCUS: Final = 32
-
 _Radiance = Annotated[float, Field(ge=0, le=1e6)]
-_Weights = Annotated[
-    tuple[Annotated[float, Field(ge=0, le=1e6)], ...],
-    Field(min_length=1, max_length=MOST_FOCUS),
-    LISTED,
-]
-
-
-def _is_a_focus(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError("all rows of a focus have the same number of weights")
-    if not any(weight for row in rows for weight in row):
-        raise ValueError("a weight of the focus has to be above 0: nobody would look anywhere")
-    return rows
-
-
-Focus = Annotated[
-    tuple[_Weights, ...],
-    Field(min_length=1, max_length=MOST_FOCUS),
-    LISTED,
-    AfterValidator(_is_a_focus),
-]
 
 
 def _place(
@@ -115,11 +91,6 @@ class ViewSpec(Strict):
         description="linear R, G and B behind an image with alpha, where it is judged and in PNG "
         "files; without alpha it changes nothing, nor does it change image.exr",
     )
-    focus: Focus | None = Field(
-        default=None,
-        description="where people look: rows of weights, stretched over the image; a visible pixel "
-        "counts by its weight in the noise that is left, so that more may be left where it is low",
-    )
 
     def density(self, width: int) -> float:
         """Pixels in a degree at the centre of an image of this width, as of a flat screen."""
@@ -144,7 +115,7 @@ class ViewSpec(Strict):
 
     def of_display(self) -> dict[str, Any]:
         """What `plateau.metric.View` takes: the display and the distance."""
-        return self.model_dump(exclude={"background", "focus"})
+        return self.model_dump(exclude={"background"})
 
 
 def _of_place(value: Any) -> Any:

@@ -120,7 +120,6 @@ function Slice.note_outrun(it)
   redis.call('HDEL', job_key(it.job, 'outrun'), it.entry)
   Job.spend(it)
   redis.call('HINCRBY', job_key(it.job), 'wasted_ms', it.machine_ms)
-  count('wasted ms', it.machine_ms)
   local cause = 'another try was committed before'
   Slice.note_try(it.job, it.index, it.worker, 'duplicate', cause, it.machine_ms, it.said)
 end

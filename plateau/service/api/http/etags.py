@@ -64,5 +64,5 @@ def cache_control(job: Job) -> str:
 
 def not_modified(headers: Mapping[str, str]) -> Response:
     """A 304 with the caching headers of the 200."""
-    kept = {name: headers[name] for name in ("ETag", "Cache-Control", "Vary") if name in headers}
+    kept = {name: headers[name] for name in ("ETag", "Cache-Control") if name in headers}
     return Response(status_code=304, headers=kept)

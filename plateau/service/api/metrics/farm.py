@@ -57,11 +57,6 @@ class _Farm(Collector):
 def _open_work(census: Census) -> Iterator[Metric]:
     yield _gauge("plateau_jobs", "Jobs that have not ended, by state.", census.jobs, "state")
     yield _gauge(
-        "plateau_jobs_stored",
-        "Jobs that the farm knows, ended or not; old ones go where retention is set.",
-        census.jobs_stored,
-    )
-    yield _gauge(
         "plateau_jobs_unserved",
         "Jobs that wait or render without a living worker that takes work and has their variant, "
         "pool and tags; GET /v1/jobs says what they wait for.",
@@ -79,21 +74,6 @@ def _open_work(census: Census) -> Iterator[Metric]:
         "for a worker, or are leased to one.",
         census.slices,
         "state",
-    )
-    demand = census.demand_by_variant()
-    yield _gauge(
-        "plateau_slices_wanted",
-        "Slices that wait for a worker or are leased to one, by the variant that they need (auto: "
-        "any). As many workers have something to do; autoscalers follow it.",
-        {variant: one.slices for variant, one in demand.items()},
-        "variant",
-    )
-    yield _gauge(
-        "plateau_work_left_seconds",
-        "Seconds that one worker would still take for the open jobs, by the variant that they "
-        "need: by what their slices took, and where they are expected to end.",
-        {variant: one.work_s for variant, one in demand.items()},
-        "variant",
     )
     yield _gauge(
         "plateau_notices_waiting",
@@ -131,7 +111,6 @@ def _processes(census: Census) -> Iterator[Metric]:
 
 
 def _totals(census: Census) -> Iterator[Metric]:
-    yield _counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
     yield _counter(
         "plateau_jobs_ended_total",
         "Jobs ended, by how: converged (a rule fired), exhausted (at its cap or time "
@@ -161,17 +140,6 @@ def _totals(census: Census) -> Iterator[Metric]:
         "plateau_machine_seconds_total",
         "Seconds that render children spent on slices, whatever came of them.",
         census.machine_s,
-    )
-    yield _counter(
-        "plateau_second_tries_total",
-        "Slices that were late and held up their job's image, so that a second worker was given "
-        "them too; the first commit wins.",
-        census.second_tries,
-    )
-    yield _counter(
-        "plateau_wasted_seconds_total",
-        "Seconds that render children spent on slices for which another try was committed first.",
-        census.wasted_s,
     )
     yield _counter(
         "plateau_notice_tries_total",

@@ -31,7 +31,7 @@ _EXAMPLE: Final[dict[str, object]] = {
     "state": "converged", "host": "farm.example", "origin": "https://example.org",
     "path": "/problems/none", "key": "nightly", "needed": "submitter", "role": "viewer",
     "batch": "exposures", "spp": 130, "index": 15,
-    "seconds": 1, "types": "application/json or text/csv", "accept": "image/png",
+    "seconds": 1,
     "stored_bytes": 53_000_000_000, "limit_bytes": 53_687_091_200, "size": 900_000_000,
     "media_type": "application/json", "sha256": examples.SCENE_SHA256,
     "name": f"jobs/{examples.JOB_ID}/results/0000400-7-final/image.exr",
@@ -171,9 +171,6 @@ METHOD_NOT_ALLOWED: Final = ProblemType(
     "{path} does not take {method}",
     "/docs says what it takes",
     example={"path": "/v1/jobs", "method": "DELETE"})
-NOT_ACCEPTABLE: Final = ProblemType(
-    "not-acceptable", 406, "Not acceptable",
-    "the answer comes as {types}, and Accept is {accept!r}", members=("offers",))
 
 # What a job or a farm does not allow.
 

@@ -1,6 +1,6 @@
 """Routes for the images of a job: the merged image, maps of it, its previews, and kept slices."""
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Path, Response
 from fastapi.responses import StreamingResponse
@@ -28,16 +28,46 @@ from plateau.service.api.stored_files import SpoiledBlob
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 
-_PNG: Final[dict[str, Any]] = {
-    "response_class": StreamingResponse,
-    "responses": described(PNG, problems.NO_IMAGE_YET),
+#: What each picture shows, for the API's description.
+_PICTURES: Final = {
+    "image": "the newest merged image as the job's display shows it; after the end, the final one",
+    "difference": "what has changed visibly since the first image",
+    "noise": "where noise is left to see, in orange: the pixels that `estimate_pixels` counts. Of "
+    "two images with noise like this one's, a pixel differs visibly in both, or in one where it is "
+    "of a darker orange. In another image of as many samples other pixels differ, about as many",
+    "quality": "where a person would see the noise, by ColorVideoVDP, if a rule of the job goes by "
+    "it: from dark blue, nowhere, to yellow, as much as 3 JOD and more",
+    "spp": "how many samples each pixel has, if the job is by zones: from dark blue to yellow, on "
+    "a logarithmic scale. The text chunks `plateau:spp_min` and `plateau:spp_max` have its ends",
+    "non-finite": "where the merged image is NaN (magenta) or infinite (blue), if it has such "
+    "pixels, which are left out of every count. More than 0.1 % of them fail the job",
+    "thumbnail": "the merged image, its longer side of 192 pixels at most",
 }
 
 
-@router.get("/image.png", **_PNG)
-def get_image_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show the newest merged image as the job's display shows it; after the end, the final one."""
-    return _image("image.png", PNG, job_id, farm, has)
+@router.get(
+    "/{picture}.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.NO_IMAGE_YET, problems.UNKNOWN_PATH),
+)
+def get_picture_png(
+    job_id: JobId,
+    picture: Annotated[
+        str,
+        Path(
+            description="; ".join(f"`{name}`: {what}" for name, what in _PICTURES.items()),
+            json_schema_extra={"enum": list(_PICTURES)},
+            examples=["image"],
+        ),
+    ],
+    farm: Farm,
+    has: IfNoneMatch,
+) -> Response:
+    """Show a picture of the merged image, or a map of it."""
+    if picture not in _PICTURES:
+        path = f"/v1/jobs/{job_id}/{picture}.png"
+        raise Problem(problems.UNKNOWN_PATH, path=path)
+    return _image(f"{picture}.png", PNG, job_id, farm, has)
 
 
 @router.get(
@@ -46,55 +76,6 @@ def get_image_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
 def get_image_exr(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the merged image as linear radiance, float32."""
     return _image("image.exr", EXR, job_id, farm, has)
-
-
-@router.get("/difference.png", **_PNG)
-def get_difference_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show what has changed visibly since the first image."""
-    return _image("difference.png", PNG, job_id, farm, has)
-
-
-@router.get("/noise.png", **_PNG)
-def get_noise_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show where noise is left to see, in orange: the pixels that `estimate_pixels` counts.
-
-    Of two images with noise like this one's, a pixel differs visibly in both, or in one where it is
-    of a darker orange. In another image of as many samples other pixels differ, about as many.
-    """
-    return _image("noise.png", PNG, job_id, farm, has)
-
-
-@router.get("/quality.png", **_PNG)
-def get_quality_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show where a person would see the noise, by ColorVideoVDP, if a rule of the job goes by it.
-
-    From dark blue, nowhere, to yellow, as much as 3 JOD and more.
-    """
-    return _image("quality.png", PNG, job_id, farm, has)
-
-
-@router.get("/spp.png", **_PNG)
-def get_spp_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show how many samples each pixel has, from dark blue to yellow, if the job is by zones.
-
-    The scale is logarithmic. The text chunks `plateau:spp_min` and `plateau:spp_max` have its ends.
-    """
-    return _image("spp.png", PNG, job_id, farm, has)
-
-
-@router.get("/non-finite.png", **_PNG)
-def get_non_finite_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show where the merged image is NaN (magenta) or infinite (blue), if it has such pixels.
-
-    Such pixels are left out of every count. More than 0.1 % of them fail the job.
-    """
-    return _image("non-finite.png", PNG, job_id, farm, has)
-
-
-@router.get("/thumbnail.png", **_PNG)
-def get_thumbnail_png(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
-    """Show a thumbnail of the merged image; its longer side has 192 pixels at most."""
-    return _image("thumbnail.png", PNG, job_id, farm, has)
 
 
 @router.get(

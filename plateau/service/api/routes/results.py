@@ -23,7 +23,6 @@ from plateau.service.api.http.etags import (
     not_modified,
     strong,
 )
-from plateau.service.api.http.parameters import chosen
 from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
@@ -54,22 +53,14 @@ class _CsvResponse(Response):
     "/curve",
     response_model=Curve,
     responses={
-        200: {
-            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
-            "headers": {**_CURVE_HEADERS, "Vary": _STRING},
-        },
+        200: {"headers": _CURVE_HEADERS},
         **NOT_MODIFIED,
-        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE),
+        **documented(problems.UNKNOWN_JOB),
     },
 )
-def get_curve(
-    job_id: JobId,
-    farm: Farm,
-    has: IfNoneMatch,
-    accept: Annotated[str, Header(include_in_schema=False)] = "",
-) -> Response:
-    """Show the curve: each evaluation of the merged image, as JSON, or as CSV by `Accept`."""
-    return _curve(farm, job_id, has, chosen(accept, (_JSON, _CSV)), {"Vary": "Accept"})
+def get_curve(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show the curve: each evaluation of the merged image."""
+    return _curve(farm, job_id, has, _JSON)
 
 
 @router.get(
@@ -87,14 +78,12 @@ def get_curve(
 )
 def get_curve_csv(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the curve as CSV."""
-    return _curve(farm, job_id, has, _CSV, {})
+    return _curve(farm, job_id, has, _CSV)
 
 
-def _curve(
-    farm: Parts, job_id: str, has: Known, media_type: str, headers: dict[str, str]
-) -> Response:
+def _curve(farm: Parts, job_id: str, has: Known, media_type: str) -> Response:
     # Validated even after the job's end: a newer Plateau may show more of its points.
-    headers = {**headers, "Cache-Control": REVALIDATE}
+    headers = {"Cache-Control": REVALIDATE}
     job = farm.job(job_id)
     # Points are only appended, so their number identifies them.
     tag = _curve_tag(job.points, media_type)
@@ -122,7 +111,7 @@ def _curve_tag(points: int, media_type: str) -> str:
             "content": {_SSE: {"schema": {"type": "string"}, "example": examples.EVENT_STREAM}},
         },
         204: {"description": "the job is finished, and the client has all of its events"},
-        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE, problems.INVALID_REQUEST),
+        **documented(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
     },
 )
 async def get_events(
@@ -154,10 +143,9 @@ async def get_events(
     `Accept: application/json`, the answer lists the events so far.
     """
     farm = parts_of(request)
-    media_type = chosen(accept, (_SSE, _JSON))
     start = last_event_id or after
     job = await run_in_threadpool(farm.job, job_id)
-    if media_type == _JSON:
+    if _JSON in accept.lower() and _SSE not in accept.lower():
         happened = Happened(events=await run_in_threadpool(farm.jobs.events, job.id, start))
         return Response(happened.model_dump_json(), media_type=_JSON, headers={"Vary": "Accept"})
     if job.finished_at is not None:  # what comes after `finished`, no stream has

@@ -23,16 +23,5 @@ def check_scene(found: Annotated[StoredScene, Depends(stored_scene)]) -> SceneFo
     Takes the same parts. Of `spec`, only `parameters`, `sensor` and the fields that determine the
     seeds count. A scene that no job uses stays for at least an hour; submit it by its `sha256`.
     """
-    return SceneFound(
-        sha256=found.sha256,
-        name=found.name,
-        bytes=found.bytes,
-        width=found.summary.width,
-        height=found.summary.height,
-        kind=found.summary.kind,
-        entry=found.summary.entry,
-        files=found.summary.files,
-        bytes_unpacked=found.summary.bytes_unpacked,
-        sensors=found.summary.sensors,
-        parameters=found.summary.parameters,
-    )
+    about = {"sha256": found.sha256, "name": found.name, "bytes": found.bytes}
+    return SceneFound(**about, **vars(found.summary))

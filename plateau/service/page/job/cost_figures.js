@@ -1,7 +1,7 @@
 // A job's savings and costs, in figures.
 
 import { h } from "../shared/dom.js";
-import { duration, large, share, sppOf, three, whole } from "../shared/figures.js";
+import { duration, large, share, three, whole } from "../shared/figures.js";
 import { durationSeconds, imagePixels, savings } from "../shared/job_summary.js";
 
 export class CostFigures {
@@ -13,9 +13,10 @@ export class CostFigures {
     const machine = saved?.machine ? `, about ${saved.machine} of machine time` : "";
     const rendered = (job.committed_spp - job.continued_spp) * imagePixels(job);
     const rate = job.machine_s ? rendered / job.machine_s : 0;
+    const zones = job.spp_min == null || job.spp_max == null || job.spp_min === job.spp_max ? "" : `; by zones ${whole(job.spp_min)} to ${whole(job.spp_max)}`;
     const figures = [
       ["saved", saved ? share(saved.fraction) : "", `of the cap: ${large(saved?.samples ?? 0)} samples${machine}`],
-      ["samples", sppOf(job.spp, job), `of ${whole(job.spec.max_spp)} at most`],
+      ["samples", `${whole(job.spp)} spp`, `of ${whole(job.spec.max_spp)} at most${zones}`],
       ["machine time", job.machine_s ? duration(job.machine_s) : "–",
         job.started_at ? `within ${duration(durationSeconds(job))} since it was submitted` : "not started"],
       ["cost", job.core_hours ? `${three(job.core_hours)} core hours` : "", "machine time times the threads of the workers"],

@@ -116,7 +116,7 @@ export class Records {
 /** @param {JobEvent} event */
 function told({ type, data }) {
   if (type === "image") return [`The first image is there, of ${whole(data.spp)} spp.`];
-  if (type === "finished") return ["The final images are written."];
+  if (type === "finished") return ["Its results are written."];
   if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
   const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";
   return [h("b", { class: "state", "data-state": data.to }, inWords(data.to)), reason];

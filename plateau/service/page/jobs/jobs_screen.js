@@ -202,6 +202,7 @@ function emptiness(filtered) {
   const lead = h("p", { class: "lead" }, "Nothing to see yet.");
   if (!maySubmit()) return [lead];
   return [lead,
-    h("p", {}, "Submit a Mitsuba scene, and watch it until more samples change nothing that you could see."),
+    h("p", {}, "Submit a scene, and watch it until more samples change nothing that you could see. "
+      + "One to try, in a terminal: ", h("code", {}, `plateau submit scenes:box --url ${location.origin}`)),
     h("a", { class: "button primary", href: "/submit" }, "Submit a scene")];
 }

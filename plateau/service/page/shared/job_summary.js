@@ -32,7 +32,6 @@ export function asked({ spec, width, height }, { withParameters }) {
     spec.sensor && `sensor ${spec.sensor}`,
     !ruleNamed(spec.rule.name)?.default && `rule ${spec.rule.name}`,
     spec.allocation.name === "zones" && "by zones",
-    spec.view.focus && "by a focus",
     spec.denoise.name !== "none" && "denoised",
   ].filter(Boolean);
 }

@@ -36,8 +36,6 @@ export class SpecForm {
   #exr = fieldsOf("spec.exr", EXR);
   /** What of a filled in spec has no field. */
   #kept = {};
-  /** @type {Partial<Api.JobSpec["view"]>} */
-  #keptView = {};
   /** Of a filled in spec. @type {Api.JobSpec["watch"] | null} */
   #watched = null;
   elements;
@@ -87,7 +85,6 @@ export class SpecForm {
   fill(spec) {
     const { frame_seed, view, watch } = spec;
     this.#kept = { frame_seed };
-    this.#keptView = view.focus ? { focus: view.focus } : {};
     this.#watched = watch;
     for (const part of [this.#limits, this.#workers]) part.fill(spec);
     this.#more.fill({ ...spec, watch: watch.map(({ name }) => name) });
@@ -119,7 +116,7 @@ export class SpecForm {
       ...this.#kept, ...this.#limits.values(), ...more, ...this.#workers.values(),
       ...this.#allocation.values(), ...this.#denoise.values(), ...rule,
       ...(watch || this.#watched ? { watch: watched } : {}),
-      view: { ...this.#keptView, ...this.#view.values() }, notice: this.#notice.values(), exr: this.#exr.values(),
+      view: this.#view.values(), notice: this.#notice.values(), exr: this.#exr.values(),
     };
   }
 }

@@ -90,7 +90,7 @@ class WorkerRow {
     setText(this.#name, id);
     setText(this.#where, [
       `${host}, process ${pid}`, variants[0], several(threads, "thread"), pool !== "default" && `pool ${pool}`,
-      tags.length > 0 && `tags ${tags.join(", ")}`, plateau && `Plateau ${plateau}`, `since ${ago(worker.started_at)}`,
+      tags.length > 0 && `tags ${tags.join(", ")}`, plateau && `Plateau ${plateau}`, `started ${ago(worker.started_at)}`,
     ].filter(Boolean).join(" · "));
     setAttribute(this.#does, "data-busy", String(Boolean(job)));
     if (job) {

@@ -12,6 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+NO_EMITTER: Final = 'the scene has no emitter; add one, such as <emitter type="constant"/>'
 #: Rays of the camera that are looked at, along each axis of its film.
 _RAYS: Final = 8
 
@@ -21,7 +22,7 @@ def why_black(scene: Any, sensor: Any) -> str:
     why = "look whether the emitters are too weak, turned away, or hidden by a shape"
     with suppress(Exception):  # a sensor or a shape of an unusual kind
         if not scene.emitters():
-            why = "the scene has no emitter; add one"
+            why = NO_EMITTER
         elif _sees_backs_alone(scene, sensor):
             why = (
                 "all that the camera sees are backs of surfaces, which reflect nothing: it may be "

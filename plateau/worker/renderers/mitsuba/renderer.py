@@ -11,9 +11,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from plateau.farm.model.slices.zones import pixels_of
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
-from plateau.worker.renderers.mitsuba.darkness import why_black
+from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
 from plateau.worker.renderers.mitsuba.kernel import Kernel
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
 
@@ -101,10 +102,15 @@ class Renderer:
                 return
             yield _rendered(self._prepared, spp, seed)
 
-    def why_black(self) -> str:
-        """Return why the film of the loaded scene is black, as far as that is known."""
+    def why_black(self, zones: Sequence[Zone]) -> str:
+        """Return why a film of the loaded scene is black; see `KnowsBlack`."""
         assert self._prepared is not None
-        return why_black(self._prepared.scene, self._prepared.sensor)
+        one = self._prepared
+        # A zone may be black beside one that is not: a depth is no light, and volumes may shine.
+        is_whole = not zones or pixels_of(zones) == one.width * one.height
+        if is_whole and not one.channels.aovs and not one.scene.emitters():
+            raise SceneError(f"the image is black: {NO_EMITTER}")
+        return why_black(one.scene, one.sensor)
 
     def _unload(self) -> None:
         """Free the scene before, so that two never share the memory."""

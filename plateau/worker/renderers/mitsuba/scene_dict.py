@@ -54,7 +54,9 @@ def write_scene_dict(scene: Mapping[str, Any], folder: Path) -> Path:
         message names its place.
     """
     if scene.get("type") != "scene":
-        raise _unwritable("the dict", f"has the type {scene.get('type')!r}, not 'scene'")
+        raise _unwritable(
+            "the dict", f"has the type {scene.get('type')!r}, not 'scene'; give it 'type': 'scene'"
+        )
     if mi.variant() is None:  # Mitsuba has no classes without one
         mi.set_variant("scalar_rgb")
     (made := folder / "made").mkdir()
@@ -90,7 +92,9 @@ def _resources(where: str, node: Mapping[str, Any]) -> Iterator[Path]:
 
 def _check_plugins(where: str, node: Mapping[str, Any]) -> None:
     """Say which plugin of a dict Mitsuba does not have, if it is that which it refuses."""
-    plugin, known = str(node.get("type")), known_plugins()
+    if "type" not in node:
+        raise _unwritable(where, f"has no 'type'; it has {', '.join(map(repr, node))}")
+    plugin, known = str(node["type"]), known_plugins()
     if known and plugin not in known and plugin not in _NO_PLUGINS:
         raise _unwritable(
             where, f"has the type {plugin!r}, which Mitsuba does not have{guess(plugin, known)}"
@@ -174,8 +178,11 @@ class _Files:
         found = str(_FILES().resolve(name))
         if not Path(found).exists():
             folders = ", ".join(map(str, (*self._resources, Path.cwd())))
+            slash = "; write / between folders" if "\\" in name else ""
             raise BundleError(
-                "missing-file", f"{where} names {name!r}, which is in none of {folders}"
+                "missing-file",
+                f"{where} names {name!r}, which is not in {folders}: put it there, or give its "
+                f"whole path{slash}",
             )
         return found
 

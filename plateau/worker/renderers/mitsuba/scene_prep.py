@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import re
 import stat
 import sys
 import traceback
@@ -24,7 +23,6 @@ from plateau.farm.bundle import BundleLimits
 from plateau.farm.images.crops import crop_header
 from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.causes import (
-    file_at,
     first_words,
     warnings_in,
     without_details,
@@ -53,7 +51,6 @@ _OUR_FRAMES = 2
 #: In what Mitsuba says where its C++ has no memory.
 _OUT_OF_MEMORY: Final = "std::bad_alloc"
 
-_OF_PLUGIN: Final = re.compile(r'plugin of type "(\w+)"')
 _MOST_LOG_BYTES: Final = 2**24
 _MOST_WARNINGS: Final = 5
 
@@ -120,12 +117,12 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     _build_hierarchies_alone()
     with _log() as said, scene_errors(folder), _threads(request.threads):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
-        mi.parser.transform_all(config, state)
-        notes = adapt(variant, list(state.nodes))
         try:
+            mi.parser.transform_all(config, state)
+            notes = adapt(variant, list(state.nodes))
             scene = mi.parser.instantiate(config, state)
         except RuntimeError as error:
-            raise RuntimeError(_with_file(str(error), list(state.nodes), said())) from error
+            raise RuntimeError(_explained(str(error), state)) from error
         warned = warnings_in(without_folders(said(), [folder]))[:_MOST_WARNINGS]
     return _check(
         variant, scene, request, (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
@@ -194,16 +191,32 @@ def _log() -> Iterator[Callable[[], str]]:
         print(left, end="", flush=True)
 
 
-def _with_file(message: str, nodes: Sequence[Any], log: str) -> str:
-    """Return an error with the file that its plugin read, where Mitsuba names none."""
-    plugin, file = _OF_PLUGIN.search(message), file_at(log)
-    if plugin is None or file is None or file in message:
-        return message
-    is_its = any(
-        node.props.plugin_name() == plugin[1] and str(node.props.get("filename", "")).endswith(file)
-        for node in nodes
-    )
-    return f"{message} ({file})" if is_its else message
+def _explained(message: str, state: Any) -> str:
+    """Return an error of Mitsuba's with what it does not say: the node, its file, what to do."""
+    nodes = list(state.nodes)
+    for index, node in enumerate(nodes[1:], 1):
+        place = mi.parser.file_location(state, node)
+        if place in message:
+            message = message.replace(place, f"{place}, {_path_to(index, nodes)}")
+            file = Path(str(node.props.get("filename", ""))).name
+            message += f" ({file})" if file not in message else ""
+            break
+    if "unreferenced propert" in message:
+        message += "\nThe plugin knows no such property: correct its name, or delete it."
+    return message
+
+
+def _path_to(index: int, nodes: Sequence[Any]) -> str:
+    """Return a node's names from the scene down, or its type where it has no name: ball.bsdf."""
+    node = nodes[index]
+    for above, parent in enumerate(nodes):
+        for key in parent.props.keys():  # noqa: SIM118 - a Mitsuba object, and no mapping
+            value = parent.props[key]
+            if isinstance(value, mi.Properties.ResolvedReference) and value.index() == index:
+                name = node.props.id() or ("" if key.startswith("_arg") else key)
+                path = f"{_path_to(above, nodes)}." if above else ""
+                return path + (name or node.props.plugin_name())
+    return str(node.props.plugin_name())
 
 
 @cache

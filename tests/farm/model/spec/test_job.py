@@ -30,6 +30,7 @@ def test_the_papers_rule_is_not_watched(given: dict[str, Any]) -> None:
         ({}, "llvm_ad_rgb", None),
         ({"denoise": "oidn"}, "analytic:numpy", None),
         ({}, "scalar_rgb", "variant"),
+        ({}, "cuda_ad_rgb", "gpu"),
         ({"rule": "visible"}, "llvm_ad_rgb", "rule"),
         ({"keep_slices": True}, "llvm_ad_rgb", "keep_slices"),
         ({"shot": "24"}, "llvm_ad_rgb", "shot"),
@@ -42,7 +43,7 @@ def test_samples_go_to_zones_where_the_job_can_have_them(
     assert spec.frames_because(variant) == because
     assert spec.settled(variant).allocation.name == ("zones" if because is None else "frame")
     # As long as nobody knows the variant, it may be zones
-    assert spec.by_zones is (because in {None, "variant"})
+    assert spec.by_zones is (because in {None, "variant", "gpu"})
 
 
 @pytest.mark.parametrize(
@@ -50,11 +51,6 @@ def test_samples_go_to_zones_where_the_job_can_have_them(
     [
         ({"seed": 4096}, "seed"),
         ({"watch": [{"name": "jod"}]}, "may be named once"),
-        ({"view": {"focus": [[1, 2], [1]]}}, "same number of weights"),
-        ({"view": {"focus": [[0, 0]]}}, "nobody would look"),
-        ({"view": {"focus": [[1] * 33]}}, "focus"),
-        ({"view": {"focus": [[1, -1]]}}, "focus"),
-        ({"view": {"focus": [[1]]}, "rule": {"name": "fixed"}}, "waits: choose the rule visible"),
     ],
 )
 def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
@@ -82,17 +78,6 @@ def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
     entry = absurd.get("parameters", {"frame": 1})
     with pytest.raises(ValidationError, match=words):
         BatchSpec.model_validate({**absurd, "parameters": [entry]})
-
-
-def test_a_focus_goes_with_whatever_counts_the_noise_left() -> None:
-    focus = {"view": {"focus": [[0.1, 1]]}, "rule": {"name": "fixed"}}
-    zones = {"allocation": {"name": "zones"}}
-    assert JobSpec.model_validate(focus | zones).by_zones
-    with pytest.raises(ValidationError, match="waits: choose the rule visible"):
-        JobSpec.model_validate(focus | zones | {"rule": {"name": "jod"}})
-    assert JobSpec.model_validate(focus | {"watch": [{"name": "visible"}]}).view.focus == (
-        (0.1, 1),
-    )
 
 
 def test_parameters_are_written_as_mitsuba_reads_them() -> None:

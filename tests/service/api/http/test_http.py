@@ -6,13 +6,11 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
-from plateau.service.api.http.parameters import chosen
-from plateau.service.api.problems.problem import Problem
 from tests.support.api_calls import problem, submit
 from tests.support.farms.staged_job import StagedJob
 from tests.support.scenes.bundles import scene
 
-JSON, CSV, SSE = "application/json", "text/csv", "text/event-stream"
+JSON = "application/json"
 
 
 class TestAMethod:
@@ -44,7 +42,7 @@ class TestAMethod:
             assert (head.status_code, head.content) == (200, b""), path
             for name in ("content-type", "content-length"):
                 assert head.headers[name] == got[name], path
-        assert http.head(f"{root}/events").headers["content-type"].startswith(SSE)
+        assert http.head(f"{root}/events").headers["content-type"].startswith("text/event-stream")
         assert http.head("/v1/jobs/0123456789ab").status_code == 404
         assert http.head(f"{root}/cancel").status_code == 405
 
@@ -107,42 +105,6 @@ class TestAQueryParameter:
         largest = f"{'9' * 19}-{'9' * 19}"
         answer = http.get(path, params={"after": largest}, headers={"Accept": JSON})
         assert answer.json() == {"events": []}
-
-
-class TestAccept:
-    @pytest.mark.parametrize(
-        ("accept", "expected"),
-        [
-            ("", JSON),
-            ("*/*", JSON),
-            ("text/csv", CSV),
-            ("TEXT/CSV; charset=utf-8", CSV),
-            ("text/*", CSV),
-            ("text/csv;q=0.5, application/json;q=0.4", CSV),
-            ("text/csv;q=0, */*", JSON),
-            ("application/json;q=0, */*;q=0.1", CSV),
-            ("text/html,application/xhtml+xml,*/*;q=0.8", JSON),
-            ("text/csv, application/json", JSON),
-            (" ,, text/csv", CSV),
-        ],
-    )
-    def test_chooses_by_quality_then_by_our_order(self, accept: str, expected: str) -> None:
-        assert chosen(accept, (JSON, CSV)) == expected
-
-    @pytest.mark.parametrize("accept", ["image/png", "text/csv;q=0, application/json;q=0.000"])
-    def test_of_nothing_on_offer_is_a_problem(self, accept: str) -> None:
-        with pytest.raises(Problem, match="comes as application/json or text/csv"):
-            chosen(accept, (JSON, CSV))
-
-    def test_that_cannot_be_met_is_406_where_there_is_a_choice(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        root = f"/v1/jobs/{StagedJob(client).id}"
-        for path, offers in (("curve", [JSON, CSV]), ("events", [SSE, JSON])):
-            answer = http.get(f"{root}/{path}", headers={"Accept": "image/png"})
-            assert problem(answer, 406, "not-acceptable")["offers"] == offers
-        # Elsewhere there is one form, and who asks gets it
-        assert http.get(root, headers={"Accept": "image/png"}).status_code == 200
 
 
 class TestAWholeNumber:

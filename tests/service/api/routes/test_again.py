@@ -24,6 +24,7 @@ from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support import FRAMES
+from tests.support.farms.finished_jobs import go_on, loses
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.faults.invariants import check_job
@@ -46,21 +47,6 @@ def let_it_have_ended(farm: NoiseFarm, job: Job, days_ago: float) -> None:
     redis.hset(keys.job(job.id), "finished_at", farm.jobs.now_ms() - round(days_ago * DAY_S * 1000))
 
 
-def go_on(farm: NoiseFarm, job: Job, **changes: Any) -> Job:
-    """The job that goes on with this one."""
-    continuations = Continuations(farm.jobs._redis)
-    remains = continuations.remains(job)
-    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
-    assert lost_by(job, remains, spec) is None
-    return continuations.start(job, remains, spec).job
-
-
-def loses(farm: NoiseFarm, job: Job, **changes: Any) -> str | None:
-    """Why a job with these changes cannot have the samples of this one."""
-    spec = JobSpec.model_validate(changed_spec(job.spec, changes))
-    return lost_by(job, Continuations(farm.jobs._redis).remains(job), spec)
-
-
 def pixels(farm: NoiseFarm, job: Job) -> bytes:
     return decode_image(farm.picture(job, "image.exr")).tobytes()
 
@@ -68,7 +54,6 @@ def pixels(farm: NoiseFarm, job: Job) -> bytes:
 #: A point that was taken over has its time, and speaks of the rules of its own job.
 OF_ITS_JOB = {
     *("at", "rules", "expected_spp"),
-    *("forecast_spp", "forecast_low_spp", "forecast_high_spp"),
 }
 
 

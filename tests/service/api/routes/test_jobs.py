@@ -10,7 +10,6 @@ import redis
 
 from plateau.farm.blobs import names as blob_names
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.model.states import JobState
 from tests.support.api_calls import BOX, FILM, problem, submit
 from tests.support.farms.live_api import LARGEST_UPLOAD
 from tests.support.farms.staged_job import StagedJob
@@ -214,27 +213,6 @@ class TestABadUpload:
         problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
 
 
-def test_what_has_ended_is_steered_no_more(http: httpx.Client, client: redis.Redis) -> None:
-    job = StagedJob(client)
-    path = f"/v1/jobs/{job.id}"
-    for call in ("pause", "resume"):
-        queued = problem(http.post(f"{path}/{call}"), 409, f"cannot-{call}")
-        assert queued["state"] == "queued"
-        assert f"job {job.id} is queued; only a" in queued["detail"]
-    job.commit()
-    job.end(JobState.CONVERGED, "levelled off")
-    for answer, slug in (
-        *(
-            (http.post(f"{path}/{call}"), f"cannot-{call}")
-            for call in ("cancel", "pause", "resume")
-        ),
-        (http.patch(path, json={"priority": 1}), "job-ended"),
-    ):
-        found = problem(answer, 409, slug)
-        assert found["state"] == "converged"
-        assert found["story"][-1].endswith("converged: levelled off")
-
-
 class TestDeletion:
     def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
@@ -246,17 +224,6 @@ class TestDeletion:
 
 
 class TestChangingThePriority:
-    def test_shows_in_the_spec_and_may_be_repeated(
-        self, http: httpx.Client, client: redis.Redis
-    ) -> None:
-        before = submit(http, spec={"batch": "b", "view": {"exposure_ev": 0.1}}).json()
-        for _ in range(2):
-            answer = http.patch(f"/v1/jobs/{before['id']}", json={"priority": -7})
-            assert answer.status_code == 200
-        # Nothing else has changed
-        assert answer.json() == {**before, "spec": {**before["spec"], "priority": -7}}
-        assert http.get(f"/v1/jobs/{before['id']}").json() == answer.json()
-
     @pytest.mark.parametrize("announced", [True, False])
     def test_reads_no_more_of_a_body_than_it_needs(
         self, http: httpx.Client, announced: bool

@@ -71,7 +71,7 @@ class TestTheProcess:
         # When the client goes, then so does the process, which else would serve the next
         until(lambda: not checking.is_running())
         # And no job was made, and the next upload is checked
-        assert [job for job in farm.client.jobs().jobs if job.name == "a"] == []
+        assert [job for job in farm.client.all_jobs() if job.name == "a"] == []
         assert farm.submit().state == "queued"
 
     def test_knows_no_credentials_and_ends_with_an_api_that_is_killed(self, farm: RealFarm) -> None:

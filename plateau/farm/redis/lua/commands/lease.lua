@@ -120,7 +120,6 @@ function for_workers.lease(it)
     read()
     redis.call('HSET', job_key(id, 'leases'), late.index, late.noted .. ' ' .. entry[1])
     redis.call('HINCRBY', job_key(id), 'second_tries', 1)
-    count('second tries')
   elseif lost then
     local pending = Slice.pending(id, lost)
     entry = redis.call('XCLAIM', slices, GROUP, worker, 0, lost)[1]

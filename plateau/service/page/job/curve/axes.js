@@ -20,11 +20,12 @@ export function fromZero(_plot, _min, max) {
 /**
  * The range of a logarithmic axis; it includes the target, which may lie below all points.
  * @param {number | null} target
+ * @param {number} least - below which the values do not matter
  * @returns {(plot: uPlot, min: number | null, max: number | null) => [number, number]}
  */
-export function decades(target) {
+export function decades(target, least = 0) {
   return (_plot, min, max) => {
-    const [low, high] = [Math.min(min ?? 1, target ?? Infinity), Math.max(max ?? 1, target ?? 0)];
+    const [low, high] = [Math.min(Math.max(min ?? 1, least), target ?? Infinity), Math.max(max ?? 1, target ?? 0)];
     return [10 ** Math.floor(Math.log10(low) - 0.1), 10 ** Math.ceil(Math.log10(high) + 0.05)];
   };
 }
@@ -50,7 +51,18 @@ export function around(target) {
 export function compact(value) {
   if (value >= 1e6) return `${three(value / 1e6)} M`;
   if (value >= 1e4) return `${three(value / 1e3)} k`;
-  return value >= 1 || value === 0 ? three(value) : value.toPrecision(1);
+  return value >= 1 || value === 0 ? three(value) : String(Number(value.toPrecision(3)));
+}
+
+/**
+ * The marks of a logarithmic axis: the powers of ten, and twice and five times these where they are few.
+ * @param {uPlot} _plot
+ * @param {number[]} values
+ */
+export function marked(_plot, values) {
+  const leading = values.map((value) => Math.round(value / 10 ** Math.floor(Math.log10(value) + 1e-9)));
+  const few = leading.filter((one) => one === 1).length < 3;
+  return values.map((value, index) => (leading[index] === 1 || (few && [2, 5].includes(leading[index])) ? value : null));
 }
 
 /** The colours of the plots, from the current style sheet. */

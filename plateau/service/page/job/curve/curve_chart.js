@@ -3,7 +3,8 @@
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
-import { colours, compact } from "./axes.js";
+import { ruleNamed } from "../../shared/rules.js";
+import { colours, compact, marked } from "./axes.js";
 import { ChangedPanel, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { told } from "./point_words.js";
 // @ts-types="../../vendor/uPlot.d.ts"
@@ -13,6 +14,8 @@ import uPlot from "../../vendor/uPlot.esm.js";
 /** @typedef {(ChangedPanel | NoiseLeftPanel | ValuePanel)[]} Panels */
 
 const AXIS_PX = 58;
+/** Heights of the first plot and of the others. */
+const FIRST_PX = 250, OTHER_PX = 190;
 
 export class CurveChart {
   // `show` sets it before anything else reads it.
@@ -24,7 +27,7 @@ export class CurveChart {
   /** @type {number | null} */
   #at = null;
   /** @type {Panels} */
-  #panels = [new ChangedPanel(), new NoiseLeftPanel()];
+  #panels = [];
   #readout = h("p", { class: "readout" });
   #drawn = "";
   #logX = h("input", { type: "checkbox", onchange: () => this.#build() });
@@ -38,7 +41,7 @@ export class CurveChart {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right select a point.",
       onkeydown: (event) => this.#key(event),
-    }, this.#panels.flatMap(({ title, box }) => [title, box]));
+    });
     this.#full = h("div", { hidden: true },
       h("label", { class: "toggle" }, this.#logX, "Logarithmic spp"),
       this.#host, this.#readout);
@@ -91,14 +94,14 @@ export class CurveChart {
   }
 
   /**
-   * The panels of rules with values of their own, once the job is known.
+   * The panels, once the job is known; what ends the job comes first.
    * @param {Api.JobView} job
    */
   #addPanels(job) {
-    for (const panel of rulesWithValues(job).map((rule) => new ValuePanel(rule))) {
-      this.#panels.push(panel);
-      this.#host.append(panel.title, panel.box);
-    }
+    const values = rulesWithValues(job).map((rule) => new ValuePanel(rule));
+    const own = ruleNamed(job.spec.rule.name)?.quantity ? values.splice(0, 1) : [];
+    this.#panels = [...own, new ChangedPanel(), new NoiseLeftPanel(), ...values];
+    this.#host.append(...this.#panels.flatMap(({ title, box }) => [title, box]));
   }
 
   /**
@@ -108,26 +111,32 @@ export class CurveChart {
    * @returns {uPlot.Options}
    */
   #options(panel, theme, sync) {
-    const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
+    const axis = { stroke: theme.ink, ticks: { show: false }, font: theme.font };
+    /** @param {boolean} logarithmic */
+    const marks = (logarithmic) => {
+      const filter = logarithmic ? { filter: marked } : {};
+      return { ...filter, grid: { stroke: theme.grid, width: 1, ...filter } };
+    };
+    const isFirst = panel === this.#panels[0];
     /** @type {uPlot.Axis.DynamicValues} */
     const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
     return {
-      width: Math.max(200, this.#host.clientWidth), height: panel.height, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
+      width: Math.max(200, this.#host.clientWidth), height: isFirst ? FIRST_PX : OTHER_PX, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
       legend: { show: false },
       scales: {
         x: { time: false, auto: false, distr: this.#logX.checked ? 3 : 1 },
         y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
-        { ...axis, values: short, space: 60, size: 30 },
-        { ...axis, values: short, size: AXIS_PX },
+        { ...axis, ...marks(this.#logX.checked), values: short, space: 60, size: 30 },
+        { ...axis, ...marks(panel.logarithmic), values: short, size: AXIS_PX },
       ],
       cursor: {
         sync: { key: sync.key, setSeries: false }, drag: { x: false, y: false }, focus: { prox: 1e6 },
         points: { size: 9 }, bind: { dblclick: () => null },
       },
       hooks: {
-        draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme)],
+        draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme, isFirst)],
         setCursor: [(plot) => this.#read(plot.cursor.idx)],
       },
     };

@@ -81,13 +81,14 @@ export function drawLevel(plot, target, theme) {
     if (!Number.isFinite(y)) return;
     ctx.strokeStyle = theme.stop;
     ctx.lineWidth = 1.5 * unit;
+    ctx.setLineDash([]);
     ctx.beginPath();
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
     ctx.font = theme.font.replace("12px", `${12 * unit}px`);
     ctx.fillStyle = theme.stop;
-    ctx.textAlign = "right";
-    ctx.fillText("target", bbox.left + bbox.width - 4 * unit, y - 5 * unit);
+    ctx.textAlign = "left";
+    ctx.fillText("target", bbox.left + 4 * unit, y + (y - bbox.top < 18 * unit ? 14 : -5) * unit);
   });
 }

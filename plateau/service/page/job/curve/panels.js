@@ -17,18 +17,25 @@ class Panel {
   box = h("div", { class: "plot" });
   title = h("p", { class: "plot-title" });
 
-  /**
-   * @param {number} height - in CSS pixels
-   * @param {boolean} logarithmic - of its values' axis
-   */
-  constructor(height, logarithmic) {
-    this.height = height;
+  /** @param {boolean} logarithmic - of its values' axis */
+  constructor(logarithmic) {
     this.logarithmic = logarithmic;
   }
 
   /** @returns {uPlot.Band[]} */
   bands(/** @type {Theme} */ _theme) {
     return [];
+  }
+
+  /** The value at which the job's rule stops it. @returns {number | null} */
+  target(/** @type {Api.JobView} */ _job) {
+    return null;
+  }
+
+  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme @param {boolean} named */
+  draw(plot, job, points, theme, named) {
+    drawStops(plot, stopsOf(job, points), theme, named);
+    drawLevel(plot, this.target(job), theme);
   }
 
   /**
@@ -49,7 +56,7 @@ export class ChangedPanel extends Panel {
   #slope = h("span", { class: "slope" });
 
   constructor() {
-    super(250, false);
+    super(false);
     this.title.append(h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope);
   }
 
@@ -77,11 +84,6 @@ export class ChangedPanel extends Panel {
     return fromZero;
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, true);
-  }
-
   /** @param {Api.JobView} job @param {Points} points */
   words(job, points) {
     const { slope } = points[points.length - 1];
@@ -97,7 +99,7 @@ export class NoiseLeftPanel extends Panel {
   #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
 
   constructor() {
-    super(200, true);
+    super(true);
     this.title.append(h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers", this.#undenoised);
   }
 
@@ -118,15 +120,16 @@ export class NoiseLeftPanel extends Panel {
       this.column(points, (point) => point.estimate_high_pixels), this.column(points, (point) => point.raw_estimate_pixels)];
   }
 
-  /** @param {Api.JobView} job @returns {Range} */
-  range(job) {
-    return decades(targetOf(job));
+  /** @override @param {Api.JobView} job */
+  target(job) {
+    const rule = ruleWith("noise_target", job);
+    const target = rule ? valueIn("noise_target", rule) : null;
+    return target === null ? null : target * imagePixels(job);
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, false);
-    drawLevel(plot, targetOf(job), theme);
+  /** @param {Api.JobView} job @returns {Range} */
+  range(job) {
+    return decades(this.target(job), 0.1);
   }
 
   /** @param {Api.JobView} job */
@@ -141,10 +144,11 @@ export class ValuePanel extends Panel {
 
   /** @param {Api.JobSpec["rule"]} rule */
   constructor(rule) {
-    super(170, false);
+    super(ruleNamed(rule.name)?.is_error ?? false);
     this.#rule = rule;
     const { quantity = "", unit = "" } = ruleNamed(rule.name) ?? {};
-    this.title.append(h("b", {}, `${quantity.charAt(0).toUpperCase()}${quantity.slice(1)}`), ` in ${unit}, by the rule ${rule.name}`);
+    this.title.append(h("b", {}, `${quantity.charAt(0).toUpperCase()}${quantity.slice(1)}`),
+      ` ${unit.startsWith("of ") ? "" : "in "}${unit}, by the rule ${rule.name}`);
   }
 
   /** @param {Theme} theme @returns {uPlot.Series[]} */
@@ -157,15 +161,14 @@ export class ValuePanel extends Panel {
     return [this.column(points, (point) => point.rules[this.#rule.name]?.value)];
   }
 
-  /** @returns {Range} */
-  range(/** @type {Api.JobView} */ _job) {
-    return around(valueIn("value_target", this.#rule));
+  /** @override */
+  target(/** @type {Api.JobView} */ _job) {
+    return valueIn("value_target", this.#rule);
   }
 
-  /** @param {uPlot} plot @param {Api.JobView} job @param {Points} points @param {Theme} theme */
-  draw(plot, job, points, theme) {
-    drawStops(plot, stopsOf(job, points), theme, false);
-    drawLevel(plot, valueIn("value_target", this.#rule), theme);
+  /** @param {Api.JobView} job @returns {Range} */
+  range(job) {
+    return (this.logarithmic ? decades : around)(this.target(job));
   }
 
   words() {} // its title says all
@@ -177,13 +180,6 @@ export class ValuePanel extends Panel {
  */
 export function rulesWithValues(job) {
   return rulesOf(job).filter(({ name }) => ruleNamed(name)?.quantity);
-}
-
-/** @param {Api.JobView} job */
-function targetOf(job) {
-  const rule = ruleWith("noise_target", job);
-  const target = rule ? valueIn("noise_target", rule) : null;
-  return target === null ? null : target * imagePixels(job);
 }
 
 /**

@@ -76,7 +76,8 @@ export class Viewer {
   #busy = false;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
-  #larger = h("p", { class: "hint larger", role: "status" });
+  #larger = h("span");
+  #judgedSo = h("code");
   /** Pixels of the display across a pixel of the image. */
   #shown = 0;
   #compare;
@@ -98,7 +99,8 @@ export class Viewer {
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"),
         h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()])),
-      this.#nothing, this.#stage.element, this.#caption, this.#larger, this.#compare.element, this.#map, this.#exposure.element);
+      this.#nothing, this.#stage.element, this.#caption,
+      h("p", { class: "hint larger", role: "status" }, this.#larger, " ", this.#judgedSo), this.#compare.element, this.#map, this.#exposure.element);
     this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
       for (const { picture } of [this.#lower, this.#upper]) picture.letGo();
@@ -116,6 +118,7 @@ export class Viewer {
     const [least, most] = [job.spp_min ?? job.spp, job.spp_max ?? job.spp];
     this.#scales.samples.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
     for (const [mode, { offered }] of Object.entries(MAPS)) this.#modes.get(mode)?.toggleAttribute("hidden", offered && !offered(job));
+    this.element.toggleAttribute("data-empty", !job.image_spp);
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
       return;
@@ -212,9 +215,8 @@ export class Viewer {
     const here = (PLACES.desk?.pixels_per_degree ?? Infinity) / this.#shown;
     const isLarger = this.#shown > 0 && judged != null && here * LARGER < judged;
     setText(this.#larger, isLarger
-      ? `Shown larger than it is judged (${seen}), so more noise may be seen. What it needs at this size, on a desk: `
-        + `plateau again ${id} --pixels-per-degree ${Number(here.toPrecision(2))}`
-      : "");
+      ? `Shown larger than it is judged (${seen}), so more noise may be seen. What it needs at this size, on a desk:` : "");
+    setText(this.#judgedSo, isLarger ? `plateau again ${id} --pixels-per-degree ${Number(here.toPrecision(2))}` : "");
   }
 
   #words() {
