@@ -7,34 +7,22 @@ import pytest
 
 from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.redis.embedded import EmbeddedRedis
-from tests.support.farms.live_api import live_api
+from tests.service.conftest import api_store as api_store
+from tests.service.conftest import session_api as session_api
 from tests.support.scenes.bundles import scene
 
 
-@pytest.fixture(scope="session")
-def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Blobs:
-    return Blobs(str(tmp_path_factory.mktemp("api-blobs")))
-
-
-@pytest.fixture(scope="session")
-def shared_api(embedded_redis: EmbeddedRedis, shared_store: Blobs) -> Iterator[str]:
-    """An API that all tests share: its first answer takes it a third of a second."""
-    with live_api(embedded_redis.url, shared_store) as url:
-        yield url
-
-
 @pytest.fixture
-def api(shared_api: str, redis_url: str) -> str:
-    """The shared API, with nothing in its Redis."""
-    return shared_api
+def api(session_api: str, redis_url: str) -> str:
+    """The session's API, with nothing in its Redis."""
+    return session_api
 
 
 @pytest.fixture
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
     """The API's blob store where a test has the API, else an empty one."""
     if "api" in request.fixturenames:
-        shared: Blobs = request.getfixturevalue("shared_store")
+        shared: Blobs = request.getfixturevalue("api_store")
         return shared
     return Blobs(str(tmp_path / "blobs"))
 

@@ -1,6 +1,6 @@
 """A live API over the session's Redis, and a client of it: the fixtures of both ends."""
 
-from tests.plateau.conftest import api, plateau, shared_api, shared_store, store
+from tests.plateau.conftest import api, plateau, store
 from tests.service.conftest import api_store, http, session_api
 
 __all__ = [
@@ -9,7 +9,5 @@ __all__ = [
     "http",
     "plateau",
     "session_api",
-    "shared_api",
-    "shared_store",
     "store",
 ]
