@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         VisibleSpec,
     )
     from plateau.farm.model.states import JobState
+    from plateau.rendering.mapping import Mapped, map  # noqa: A004
     from plateau.rendering.render import RenderFailed, render
     from plateau.rendering.result import Result
 
@@ -64,6 +65,7 @@ __all__ = [
     "JobSpec",
     "JobState",
     "JodSpec",
+    "Mapped",
     "MultipleSpec",
     "MyszkowskiSpec",
     "NoImageYet",
@@ -87,6 +89,7 @@ __all__ = [
     "ViewSpec",
     "VisibleSpec",
     "__version__",
+    "map",
     "render",
 ]
 
@@ -94,8 +97,10 @@ __all__ = [
 _HOMES: Final = {
     "InvalidSpec": "plateau.farm.model.errors",
     "JobState": "plateau.farm.model.states",
+    "Mapped": "plateau.rendering.mapping",
     "RenderFailed": "plateau.rendering.render",
     "Result": "plateau.rendering.result",
+    "map": "plateau.rendering.mapping",
     "render": "plateau.rendering.render",
 }
 

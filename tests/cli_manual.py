@@ -24,8 +24,8 @@ PAGE: Final = Path(__file__).parents[1] / "docs" / "cli.md"
 TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "Render and compare on this machine",
-        "These commands need no service.",
-        ("render", "diff", "judge", "doctor"),
+        "These commands need no service; `dataset` can use one.",
+        ("render", "dataset", "diff", "judge", "doctor"),
     ),
     (
         "Run a service",

@@ -1,14 +1,12 @@
 """Calls that submit, show, list and steer batches."""
 
-import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from plateau.client.errors import TimedOut
 from plateau.client.short_ids import with_whole_ids
 from plateau.client.submission import refusing, submitted
 from plateau.client.transport import Calls
+from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.farm.wire.batch_views import (
     BatchLineView,
@@ -22,7 +20,6 @@ from plateau.files.scene_at_hand import SceneAtHand
 
 #: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 100
-_POLL_S: Final = 1.0
 
 
 class BatchCalls(Calls):
@@ -38,6 +35,7 @@ class BatchCalls(Calls):
         spec: JobSpec | None = None,
         *,
         same_seeds: bool = False,
+        first_frame: int = 0,
         idempotency_key: str | None = None,
     ) -> BatchView:
         """Submit a scene once for each of these sets of parameters; all jobs are made, or none.
@@ -54,6 +52,9 @@ class BatchCalls(Calls):
             `seed` is the first job's, and each further job has the next.
         same_seeds
             Give all jobs the seed of the first one, so that the noise of frames stands still.
+        first_frame
+            Which frame of a longer list the first of these is, from 0: seeds are counted from
+            there, as if all had been submitted together.
         idempotency_key
             As for `Client.submit`.
 
@@ -68,9 +69,8 @@ class BatchCalls(Calls):
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
         with refusing():
-            asked = BatchSpec.model_validate(
-                {**shared, "parameters": entries, "same_seeds": same_seeds}
-            )
+            more = {"same_seeds": same_seeds, "first_frame": first_frame % JOB_SEEDS}
+            asked = BatchSpec.model_validate({**shared, "parameters": entries, **more})
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)
@@ -104,24 +104,6 @@ class BatchCalls(Calls):
             cursor = page.next_cursor
             if cursor is None:
                 return
-
-    def wait_for_batch(self, name: str, *, timeout_s: float | None = None) -> BatchView:
-        """The batch once all of its jobs are finished: ended, with their results written.
-
-        Raises
-        ------
-        TimedOut
-            They were not finished in time; they continue.
-        """
-        deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
-        while True:
-            batch = self.batch(name)
-            if batch.finished == batch.jobs:
-                return batch
-            left_s = deadline - time.monotonic()
-            if left_s <= 0:
-                raise TimedOut(f"batch {name}", timeout_s or 0.0)
-            time.sleep(min(_POLL_S, left_s))
 
     def cancel_batch(self, name: str) -> BatchSteered:
         """Cancel all jobs of the batch that have not ended; returns the outcome for each job."""

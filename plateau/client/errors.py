@@ -16,7 +16,7 @@
     │   ├── BrokenScene   broken-scene
     │   ├── InvalidSpec   invalid-spec
     │   └── NotAllowed    no or no good API key, or one without the permission
-    └── TimedOut      the job or batch was not finished in time; also a TimeoutError
+    └── TimedOut      the job was not finished in time; also a TimeoutError
 """
 
 from typing import Any, Final
@@ -163,7 +163,7 @@ class BadId(ClientError):
 
 
 class TimedOut(ClientError, TimeoutError):
-    """The job or batch was not finished in time; it continues."""
+    """The job was not finished in time; it continues."""
 
     def __init__(self, what: str, timeout_s: float) -> None:
         super().__init__(

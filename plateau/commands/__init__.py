@@ -10,7 +10,7 @@ from typing import Final
 
 # Help lists the commands in this order.
 # isort: off
-from plateau.commands import render, serve, doctor, submit, watch, listing, show  # noqa: F401
+from plateau.commands import render, dataset, serve, doctor, submit, watch, listing, show  # noqa: F401
 from plateau.commands import fetch, steer, farm, diff, judge  # noqa: F401
 from plateau.commands import keys, sweep, redis_acl  # noqa: F401
 

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -34,19 +33,11 @@ def submit(
             "each combination.",
         ),
     ] = None,
-    parameters: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Submit one job for each row of a CSV file with a header, or for each object of a "
-            "JSON list.",
-        ),
-    ] = None,
     same_seeds: Annotated[
         bool,
         typer.Option(
             "--same-seeds",
-            help="With --each or --parameters: draw the same samples in all frames. Their noise "
+            help="With --each: draw the same samples in all frames. Their noise "
             "then stands still, and is seen more. By default each has a seed of its own.",
         ),
     ] = False,
@@ -71,16 +62,13 @@ def submit(
       plateau watch --batch walk -o frames
       plateau submit scene.zip --notify ops --notify https://studio.example/hooks/plateau
     """
-    if same_seeds and not each and parameters is None:
-        raise typer.BadParameter("--same-seeds is of many jobs: give --each or --parameters")
-    if each and parameters is not None:
-        raise CommandFailed("--each and --parameters both list the jobs: give one of them")
+    if same_seeds and not each:
+        raise typer.BadParameter("--same-seeds is of many jobs: give --each")
     spec = _with_notice(spec, notify or ())
-    if each or parameters is not None:
+    if each:
         from plateau.files.frames import each as combined
-        from plateau.files.frames import from_file
 
-        entries = from_file(parameters) if parameters else combined(each or ())
+        entries = combined(each)
         with connect(url) as client:
             batch = client.submit_batch(scene, entries, spec, same_seeds=same_seeds)
         print_one(batch, batch.name, as_json=as_json)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from plateau.client import Client
     from plateau.farm.wire.batch_views import BatchView
     from plateau.farm.wire.views import JobView
-    from plateau.files.out_pattern import OutPattern
 
 _POLL_S: Final = 1.0
 
@@ -36,7 +35,7 @@ def watch(
             "--out",
             "-o",
             metavar="DIR",
-            help="Folder for the results; of a batch, also a pattern for its images alone.",
+            help="Folder for the results; of a batch, each job has a folder in it.",
         ),
     ] = None,
     no_curve: o.NoCurve = False,
@@ -51,12 +50,10 @@ def watch(
     For example:
       plateau watch 3f9ac2d01b77 -o out
       plateau watch --batch walk -o frames
-      plateau watch --batch walk -o 'shots/{batch}.{frame:04d}.exr'
       plateau watch 3f9ac2d01b77 --events | jq 'select(.type == "point") | .data.visible_pixels'
 
     On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job continues. --json
-    prints the summary at the end. A pattern's fields are batch, name, id, place, and the
-    parameters of the scene. The exit code is 3 if jobs of the batch ended before their rule
+    prints the summary at the end. The exit code is 3 if jobs of the batch ended before their rule
     stopped them.
     """
     if events and (out is not None or as_json):
@@ -168,18 +165,8 @@ def _fetching(
     """
     from plateau.files.held import held
     from plateau.files.job_folder import require_free_for_batch
-    from plateau.files.out_folder import make, make_writable
-    from plateau.files.out_pattern import OutPattern
+    from plateau.files.out_folder import make_writable
 
-    if OutPattern.is_one(str(out)):
-        pattern = OutPattern(str(out))
-        files = sorted(pattern.files(in_order(client, client.batch(name))).values())
-        with ExitStack() as stack:
-            for path in {*files[:1], *files[-1:]}:  # those who write the same files share them
-                make(path.parent)
-                stack.enter_context(held(path.with_name(f"{path.name}.batch")))
-            yield partial(_write_images, client, pattern)
-        return
     make_writable(out)
     with held(out):
         require_free_for_batch(out, client.batch(name).job_ids)
@@ -205,24 +192,3 @@ def _write_folders(
         if not (folder / "summary.json").exists():  # the last file of a job
             with ready(folder):
                 write_results(client, jobs[place], folder)
-
-
-def _write_images(
-    client: "Client", pattern: "OutPattern", jobs: Sequence["JobView"], places: Sequence[int]
-) -> None:
-    """Write the images of finished jobs, but of those whose file a later job has, or without."""
-    from plateau.client import ApiError
-    from plateau.files.out_folder import make
-
-    files = pattern.files(jobs)
-    for job in (jobs[place] for place in places):
-        path = files.get(job.id)
-        if path is None:
-            continue
-        make(path.parent)
-        try:
-            client.download(job.id, pattern.image, path)
-        except ApiError as error:
-            if error.slug != "no-image-yet":
-                raise
-            tell(f"job {job.id} has no image, so there is no {path}")

@@ -1,17 +1,14 @@
-"""Lists of parameters from a range, a list of values, a CSV or a JSON file.
+"""Lists of parameters from ranges and lists of values.
 
 >>> each(["frame=1..3", "light=dim,bright"])[:3]
 [{'frame': '1', 'light': 'dim'}, {'frame': '1', 'light': 'bright'}, {'frame': '2', 'light': 'dim'}]
 """
 
-import csv
-import json
 import math
 import re
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import MAX_ENTRIES, parameter_strings
@@ -25,7 +22,7 @@ _LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
 _OTHER_RANGE: Final = re.compile(r"([0-9]+) *(?:[-–:…]|\.{3}|to) *([0-9]+)(?:[x:%]([0-9]+))?")
 
 
-def each(definitions: Sequence[str]) -> list[Values]:
+def each(definitions: Sequence[str], most: int = MAX_ENTRIES) -> list[Values]:
     """Every combination of the defined values; the last parameter varies fastest.
 
     Parameters
@@ -34,6 +31,8 @@ def each(definitions: Sequence[str]) -> list[Values]:
         ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
         numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values, and for several ranges.
         Zeros ahead of FIRST are kept.
+    most
+        How many combinations there may be.
 
     Raises
     ------
@@ -46,20 +45,20 @@ def each(definitions: Sequence[str]) -> list[Values]:
         if not (separator and name and text):
             raise CommandFailed(f"--each takes NAME=FIRST..LAST or NAME=A,B,…, not {definition!r}")
         names.append(name)
-        values.append(_values(text))
+        values.append(_values(text, most))
     if len(set(names)) < len(names):
         raise CommandFailed("--each names one parameter twice")
-    _check_count(math.prod(map(len, values)))
+    _check_count(math.prod(map(len, values)), most)
     return _without_twins([dict(zip(names, one, strict=True)) for one in product(*values)])
 
 
-def _values(text: str) -> list[str]:
+def _values(text: str, most: int) -> list[str]:
     """The values of a list, whose parts may be ranges."""
     values: list[str] = []
     for part in text.split(","):
         one = _RANGE.fullmatch(part)
         if one is not None:
-            values += _range(one)
+            values += _range(one, most)
         elif _LIKE_A_RANGE.fullmatch(part):
             raise CommandFailed(
                 f"--each takes a range as 0..99 or 0..99:2, of whole numbers of nine digits at "
@@ -75,15 +74,15 @@ def _values(text: str) -> list[str]:
             raise CommandFailed(f"--each: {text!r} has a comma with no value before or after it")
         else:
             values.append(part)
-        _check_count(len(values))
+        _check_count(len(values), most)
     return values
 
 
-def _range(match: re.Match[str]) -> list[str]:
+def _range(match: re.Match[str], most: int) -> list[str]:
     """The numbers of a range, with zeros ahead where its first one has them."""
     first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
     numbers = range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
-    _check_count(len(numbers))
+    _check_count(len(numbers), most)
     digits = match[1].lstrip("-")
     width = len(match[1]) if digits.startswith("0") and len(digits) > 1 else 0
     return [f"{number:0{width}d}" for number in numbers]
@@ -100,73 +99,9 @@ def _without_twins(entries: list[Values]) -> list[Values]:
     return entries
 
 
-def from_file(path: Path) -> list[Values]:
-    """The entries of a file: a CSV with the names in its first row, or a JSON list of objects.
-
-    Raises
-    ------
-    CommandFailed
-        The file is neither, has no or too many entries, or a value that no parameter can have.
-    OSError
-        The file cannot be read.
-    """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise CommandFailed(f"{path} is not UTF-8 text: save it as UTF-8") from None
-    entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
-    if not entries:
-        raise CommandFailed(f"{path} has no entries: each makes a job")
-    _check_count(len(entries))
-    return _without_twins(entries)
-
-
-def _of_json(path: Path, text: str) -> list[Values]:
-    try:
-        found: Any = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise CommandFailed(f"{path} is not JSON: {error}") from None
-    if not (isinstance(found, list) and all(isinstance(one, dict) for one in found)):
-        raise CommandFailed(f'{path} must be a list of objects, as [{{"frame": 1}}]')
-    for number, entry in enumerate(found, start=1):
-        for name, value in entry.items():
-            if not (_is_text(name) and _is_value(value)):
-                raise CommandFailed(
-                    f"entry {number} of {path}: {name!r} must be text, a number, true or false"
-                )
-    return found
-
-
-def _is_value(value: object) -> bool:
-    if isinstance(value, str):
-        return _is_text(value)
-    return isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
-
-
-def _is_text(value: str) -> bool:
-    """Whether the text has only whole characters: JSON can escape single surrogates."""
-    return not any("\ud800" <= character <= "\udfff" for character in value)
-
-
-def _of_csv(path: Path, text: str) -> list[Values]:
-    try:
-        rows = [row for row in csv.reader(text.splitlines()) if row]
-    except csv.Error as error:
-        raise CommandFailed(f"{path} is not CSV: {error}") from None
-    names = rows[0] if rows else []
-    if not all(names) or len(set(names)) < len(names):
-        raise CommandFailed(f"the first row of {path} must name each column once")
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(names):
-            raise CommandFailed(
-                f"entry {number} of {path} has {len(row)} values for {len(names)} columns"
-            )
-    return [dict(zip(names, row, strict=True)) for row in rows[1:]]
-
-
-def _check_count(count: int) -> None:
-    if count > MAX_ENTRIES:
+def _check_count(count: int, most: int) -> None:
+    if count > most:
         raise CommandFailed(
-            f"that makes {count:,} jobs, and {MAX_ENTRIES:,} can be made at once: submit them in "
-            "parts, all with the same --batch"
+            f"that makes {count:,} jobs, and {most:,} can be made at once: submit them in parts, "
+            "all with the same --batch"
         )

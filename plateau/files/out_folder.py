@@ -42,13 +42,10 @@ def ready(folder: Path) -> Iterator[None]:
 
 def make_writable(folder: Path) -> None:
     """Make the folder if it is missing, and check that files can be written into it."""
-    from plateau.files.out_pattern import IMAGES  # imports much, which farm processes do without
-
-    if folder.suffix.lower() in IMAGES and not folder.is_dir():
+    if folder.suffix.lower() in {".exr", ".png"} and not folder.is_dir():
         raise CommandFailed(
             f"-o {folder} names an image, and results are several files: name a folder, such as "
-            f"{folder.stem}; for the images of a batch, a pattern, such as "
-            f"{folder.stem}.{{place:04d}}{folder.suffix}"
+            f"{folder.stem}"
         )
     make(folder)
     try_writing(folder, bytes_=4096)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import BLACK, Channels, Colour
-from plateau.farm.images.exr import Partial, Pixels
+from plateau.farm.images.exr import Partial, Pixels, input_layer
 from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.slices.plan import Plan
@@ -16,6 +16,7 @@ from plateau.farm.model.spec import SharedSpec
 from plateau.metric import Half, Quarters
 from plateau.picture.canvas import Canvas, Sampled, canvas_of
 
+_INPUT: Final = "input "  #: and the spp: an array of a checkpoint
 _BETWEEN: Final = ", "  #: the kinds of workers in `Merge.origin`
 #: The channels that the first slices alone may have.
 _GUIDE_CHANNELS: Final = frozenset(name for guide in GUIDES for name in AOVS[guide].channels)
@@ -46,6 +47,8 @@ class Merge:
     origin: dict[str, str] = field(default_factory=dict)
     transform: ViewTransform | None = None  #: the view transform of the scene
     header: Mapping[str, str] = field(default_factory=dict)  #: what that of the image is to say
+    #: The sums of the first passes, (height, width, channels) float32, by their spp.
+    inputs: Mapping[int, Pixels] = field(default_factory=dict)
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -153,6 +156,7 @@ class Merge:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         if not self.slices:
             self.transform, self.header = partial.transform, partial.header
+            self.inputs = partial.inputs
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -207,6 +211,35 @@ class Merge:
         """Return the image by channel: (height, width) float32, with premultiplied colour."""
         assert self._total is not None
         return self.channels.normalised(self._film(self._total))
+
+    def input_layers(self) -> dict[str, Pixels]:
+        """Return the images of the first passes by channel: (height, width) float32."""
+        return {
+            f"{input_layer(spp)}.{name}": plane
+            for spp, film in self.inputs.items()
+            for name, plane in self.channels.normalised(film.astype(np.float64)).items()
+        }
+
+    def variance_layers(self) -> dict[str, Pixels]:
+        """Return the variance of the image's R, G and B: (height, width) float32 by channel.
+
+        It is without bias, by the parts that `quarters` has; empty with fewer than four slices.
+
+        Notes
+        -----
+        The mean of nᵢ of the n slices has the variance σ²/nᵢ, if σ² is that of a slice. So the sum
+        of nᵢ (meanᵢ - mean)² has the expectation 3 σ², and the image has the variance σ²/n.
+        """
+        quarters = self.quarters()
+        if quarters is None:
+            return {}
+        counts, total = quarters.slices, sum(quarters.slices)
+        with np.errstate(invalid="ignore", over="ignore"):
+            parts = [one.astype(np.float64) for one in quarters.means]
+            mean = sum(n * one for n, one in zip(counts, parts, strict=True)) / total
+            apart = sum(n * np.square(one - mean) for n, one in zip(counts, parts, strict=True))
+            variance = np.asarray(apart / ((len(parts) - 1) * total), np.float32)
+        return {f"variance.{name}": variance[..., plane] for plane, name in enumerate("RGB")}
 
     def halves(self, *, as_seen: bool = True) -> tuple[Half, Half] | None:
         """Return the images of the even and of the odd slices, each with its spp.
@@ -301,6 +334,7 @@ class Merge:
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
         if self.transform is not None:
             arrays["look"] = self.transform.table
+        arrays |= {f"{_INPUT}{spp}": film for spp, film in self.inputs.items()}
         more = {"other": self._other, "first": self._first}
         return arrays | {name: one for name, one in more.items() if one is not None}
 
@@ -326,6 +360,8 @@ class Merge:
         self._total, self._even = arrays["total"], arrays["even"]
         if self.has_quarters or "canvas" in about:
             self._other, self._first = arrays.get("other"), arrays.get("first")
+        named = (name for name in arrays if name.startswith(_INPUT))
+        self.inputs = {int(name.removeprefix(_INPUT)): arrays[name] for name in named}
         if "look" in arrays:
             self.transform = ViewTransform(arrays["look"], about["look_gain"])
         if "canvas" in about:

@@ -76,17 +76,22 @@ def result_files(
     """
     image = merge.image() if blend is None else blend.seen
     exposure_ev = spec.view.exposure_ev
-    picture = encode_srgb(image, exposure_ev)
     spp_map = merge.spp_map()
     layers = merge.layers() if blend is None else _blended_layers(merge, blend)
+    layers |= merge.input_layers() | (merge.variance_layers() if spec.variance else {})
     files = {
         "image.exr": encode_layers(
             layers if spp_map is None else {**layers, "spp": spp_map},
             {**exr_header(facts), **merge.header},
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
-            whole=("Z", "spp", *merge.channels.exact),
-        ),
+            whole=("Z", "spp", *merge.channels.exact, *(f"variance.{one}" for one in "RGB")),
+        )
+    }
+    if not spec.pictures:
+        return files
+    picture = encode_srgb(image, exposure_ev)
+    files |= {
         "image.png": encode_png(picture, texts=png_texts(facts)),
         "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
     }

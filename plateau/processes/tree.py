@@ -27,6 +27,8 @@ _API_START_S: Final = 60.0
 _STOP_S: Final = {"worker": 15.0, "monitor": 10.0, "api": 8.0}
 _HURRIED_S: Final = 2.0
 _TICK_S: Final = 0.05
+#: Settings of a farm that is about to go: nothing continues or restores its jobs.
+_FOR_A_WHILE: Final = {"PLATEAU_KEEP_SUMS_DAYS": "0", "PLATEAU_KEEP_DELETED_DAYS": "0"}
 #: A Redis that lived this long has started well.
 _REDIS_WELL_S: Final = 30.0
 
@@ -228,6 +230,7 @@ class Tree:
                 **dict.fromkeys(REDIS_VARIABLES, ""),  # the URL contains them
                 "PLATEAU_REDIS_URL": self.redis_url,
                 "PLATEAU_BLOBS": self.blobs,
+                **(_FOR_A_WHILE if self.is_temporary else {}),
                 **(environment or {}),
             },
             logs=self.data.logs,

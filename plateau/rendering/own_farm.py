@@ -1,5 +1,6 @@
 """A farm of one's own: processes of this machine, and workers here or on an engine's nodes."""
 
+import os
 import secrets
 import shutil
 import tempfile
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleLimits, inspect_bundle, known_plugins
-from plateau.farm.model.renderers import renderer_of, variant_for
+from plateau.farm.model.renderers import AUTO, renderer_of, variant_for, variant_named
 from plateau.farm.model.spec import JobSpec
 from plateau.files.packing import pack
 from plateau.metric.kernel_cache import are_compiled
@@ -20,6 +21,7 @@ from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
+from plateau.worker.supervisor.gpus import cards
 from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
@@ -31,11 +33,9 @@ if TYPE_CHECKING:
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
+_MOST_WORKERS: Final = 8
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
-COMPILING: Final = (
-    "the model of vision is compiled, once on this machine: the first figures take half a minute"
-)
 
 _Fetched = TypeVar("_Fetched")
 
@@ -78,6 +78,15 @@ def settings_here(on: str | None = None) -> "Settings":
     settings = read_settings()
     check_ground(settings, caches=on is None, has_redis=True)
     return settings
+
+
+def workers_for(variant: str) -> int:
+    """How many workers do many small jobs best: one a GPU, or else one a core, each with a thread.
+
+    Each has a scene in its memory. While one loads or hands over, others render.
+    """
+    on_gpu = variant == AUTO or variant_named(variant).on_gpu
+    return (len(cards("uuid")) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
 
 
 @dataclass(eq=False)
@@ -259,7 +268,7 @@ def _run(
 
     job = client.submit(scene, spec)
     if not are_compiled():
-        shown.note(COMPILING)
+        shown.note("compiling the model of vision, once on this machine: it takes half a minute")
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
     waits_for: str | None = None
 

@@ -1,5 +1,6 @@
 """What `plateau.render` returns: a job's image and curve, independent of its farm."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,16 +36,23 @@ class Result:
     files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
 
     @classmethod
-    def fetched(cls, client: Client, job: JobView) -> "Result":
-        """The result of an ended job of a service."""
+    def fetched(
+        cls,
+        client: Client,
+        job: JobView,
+        names: Collection[str] = IMAGES,
+        *,
+        with_curve: bool = True,
+    ) -> "Result":
+        """The result of an ended job of a service, with those of these images that it has."""
         files = {}
-        for name in IMAGES:
+        for name in names:
             try:
                 files[name] = client.image(job.id, name)
             except ApiError as error:
                 if error.slug != _NO_IMAGE:
                     raise
-        return cls(job, client.curve(job.id), files)
+        return cls(job, client.curve(job.id) if with_curve else [], files)
 
     @property
     def state(self) -> JobState:

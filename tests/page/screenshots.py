@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from PIL import Image
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
@@ -74,7 +74,9 @@ def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str
     take(page, "job")
     page.goto("/submit")
     stored = page.get_by_label("A stored scene")
+    expect(stored.locator("option").nth(1)).to_be_attached()
     stored.select_option(label=stored.locator("option").last.inner_text())
+    expect(page.get_by_text("Its parameters")).to_be_visible()
     take(page, "submit")
     page.set_viewport_size({"width": 1280, "height": 640})
     page.goto("/")

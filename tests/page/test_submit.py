@@ -312,6 +312,7 @@ def test_each_number_of_the_form_has_the_default_and_the_bounds_of_the_spec(form
         assert set(choices) == set(get_args(field.annotation))
     # And all of a spec but what it need not have
     elsewhere = {"parameters", "rule", "frame_seed", "shot", "allocation", "denoise"}
+    elsewhere |= {"inputs", "variance", "pictures"}  # of data sets
     named = form.locator("form [name]").evaluate_all("all => all.map(one => one.name)")
     top = {name.split(".")[1] for name in named if name.startswith("spec.")}
     assert set(JobSpec.model_fields) <= top | elsewhere

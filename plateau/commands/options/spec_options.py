@@ -188,7 +188,7 @@ def spec_from_options(
         str | None,
         typer.Option(
             metavar="FPS",
-            help="Judge the jobs of --each or --parameters as the frames of a shot too, until each "
+            help="Judge the jobs of --each as the frames of a shot too, until each "
             "moment has 9.5 JOD in motion; 24:target=9 for another quality, 24:target=none to "
             "judge the shot and give no frame more samples for it.",
         ),

@@ -56,6 +56,7 @@ _ZONES: Final = "plateau:zones"
 _BORDER: Final = "plateau:border"
 _RENDERER: Final = "plateau:renderer"
 _LOOK: Final = "plateau:look"
+_INPUTS: Final = "plateau:inputs"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,7 @@ class Partial:
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
     `renderer` is the renderer's name and version. The first slice of a job has the scene's view
     transform as `transform`, and what an image's header is to say of its Cryptomattes and of its
-    place in a film as `header`.
+    place in a film as `header`; and the sums of its first passes as `inputs`, by their spp.
     """
 
     job_id: str
@@ -83,6 +84,7 @@ class Partial:
     renderer: str = ""
     transform: ViewTransform | None = None
     header: Attributes = field(default_factory=dict)
+    inputs: Mapping[int, Pixels] = field(default_factory=dict)
 
 
 def encode_partial(partial: Partial) -> bytes:
@@ -111,7 +113,18 @@ def encode_partial(partial: Partial) -> bytes:
         attributes |= {_ZONES: json.dumps(partial.zones), _BORDER: partial.border}
         pixels = pixels[None]  # as one row
     planes = {name: pixels[..., plane] for plane, name in enumerate(names)}
+    for spp, film in partial.inputs.items():
+        planes |= {
+            f"{input_layer(spp)}.{name}": film[..., plane] for plane, name in enumerate(names)
+        }
+    if partial.inputs:
+        attributes[_INPUTS] = json.dumps(list(partial.inputs))
     return _encode(planes, "none", attributes)
+
+
+def input_layer(spp: int) -> str:
+    """Return the name of the layer with the image of so many samples per pixel."""
+    return f"spp{spp:04d}"
 
 
 def decode_partial(content: bytes) -> Partial:
@@ -129,6 +142,13 @@ def decode_partial(content: bytes) -> Partial:
             named = (json.loads(header[name]) for name in (_CHANNELS, _IDS, _QUOTIENTS))
             channels = Channels(*named)
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
+            inputs = {
+                int(spp): np.stack(
+                    [planes[f"{input_layer(spp)}.{one}"].pixels for one in channels.names],
+                    axis=-1,
+                )
+                for spp in json.loads(header.get(_INPUTS, "[]"))
+            }
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
             transform = ViewTransform.from_text(str(header[_LOOK])) if _LOOK in header else None
@@ -152,6 +172,7 @@ def decode_partial(content: bytes) -> Partial:
         transform=transform,
         header=attributes_of(header),
         renderer=str(header.get(_RENDERER, "")),
+        inputs=inputs,
     )
 
 

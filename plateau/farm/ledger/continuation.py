@@ -39,7 +39,7 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 #: The fields of a spec that determine the samples, ...
-_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation")
+_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation", "inputs")
 #: ... that the new job does not inherit, ...
 _OWN: Final = ("shot", "notice", "after")
 #: ... and that all points of a curve have in common.
@@ -285,6 +285,8 @@ def _lost_sums(job: Job, remains: Remains, spec: JobSpec) -> str | None:
             return name
     if spec.keep_slices:  # the first are gone
         return "keep_slices"
+    if spec.variance and not job.spec.by_quarters:
+        return "variance"
     seen = (job.spec.rule, *job.spec.watch)
     for name, rules in (("rule", (spec.rule,)), ("watch", spec.watch)):
         if any(not rule.behaviour.continues and rule not in seen for rule in rules):

@@ -43,7 +43,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, chain, pairwise
 from typing import NamedTuple
 
 from plateau.farm.model.passes import (
@@ -119,6 +119,8 @@ class SeedSchedule:
     frame_seed : int
         How much of `job_seed` tells a frame of a batch from the first one. Where the variant has
         too few seeds for all frames, they begin again at the first frame's.
+    inputs : tuple of int
+        Rising spp, at most `slice_spp`, at each of which a pass of the first slice ends.
 
     Raises
     ------
@@ -136,6 +138,7 @@ class SeedSchedule:
     job_seed: int = 0
     most_slice_spp: int = 0
     frame_seed: int = 0
+    inputs: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "slice_spp", "max_spp"):
@@ -178,10 +181,17 @@ class SeedSchedule:
 
         `spp` is the slice's own, where it is one of zones.
         """
+        if index == 0 and self.inputs:
+            ends = pairwise(dict.fromkeys((0, *self.inputs, self.slice_spp)))
+            return tuple(chain.from_iterable(self._divided(end - start) for start, end in ends))
         if variant_named(self.variant).renders_in_parts:
-            pixels = self.width * self.height
-            return passes_in_parts(spp or self.slice_spp, pixels, is_first=index == 0)
+            return self._divided(spp or self.slice_spp, is_first=index == 0)
         return self._single_calls
+
+    def _divided(self, spp: int, *, is_first: bool = False) -> tuple[int, ...]:
+        if variant_named(self.variant).renders_in_parts:
+            return passes_in_parts(spp, self.width * self.height, is_first=is_first)
+        return single_call_passes(spp, self._single_calls[0])
 
     @cached_property
     def _single_calls(self) -> tuple[int, ...]:

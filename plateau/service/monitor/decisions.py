@@ -184,7 +184,7 @@ OPEN: Final = (
     ),
     Row(
         "the first slice is merged, and the first point is far off",
-        lambda known: known.merged == 1 and not known.judged and not known.is_seen,
+        lambda known: known.is_to_be_seen,
         ShowFirstSlice(),
     ),
     Row(

@@ -181,12 +181,18 @@ class Known:
         return self.seen_spp >= self.job.spec.slice_spp
 
     @property
+    def is_to_be_seen(self) -> bool:
+        """Whether the first slice is to be shown, as the first point of the curve is far off."""
+        is_first = self.merged == 1 and not self.judged and not self.is_seen
+        return is_first and self.job.spec.pictures
+
+    @property
     def is_new(self) -> bool:
         """Whether the merged image has changed and is due to be shown."""
         wait_s = max(SHOW_EVERY_S, min(self.shown_in_s / _SHOWING, SHOW_WITHIN_S))
         is_due = self.spp != self.shown_spp and self.at_s >= self.shown_at_s + wait_s
         # Between two denoised images there is none to show.
-        return is_due and not self.is_to_be_denoised
+        return is_due and self.job.spec.pictures and not self.is_to_be_denoised
 
     @property
     def is_unsaved(self) -> bool:

@@ -17,7 +17,7 @@ from plateau.picture.facts import Facts, facts_of
 from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
 from plateau.picture.previews import Previews
-from plateau.picture.result_files import result_files
+from plateau.picture.result_files import NoiseMaps, result_files
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class ResultSets:
         pictures = self._pictures(merge, judge, facts, denoised, compressed=False)
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
-        if is_point:
+        if is_point and "image.png" in pictures:
             self._previews.keep(merge.spp, pictures["image.png"])
         self._shown = written
         if before not in {None, written}:
@@ -123,8 +123,10 @@ class ResultSets:
         compressed: bool,
     ) -> dict[str, bytes]:
         blend = None if denoised is None else denoised.blend
-        maps = judge.visible_map(merge, blend), judge.noise_maps(merge, denoised)
-        return result_files(merge, *maps, facts, self._spec, blend, compressed=compressed)
+        visible, noise = None, NoiseMaps()
+        if self._spec.pictures:
+            visible, noise = judge.visible_map(merge, blend), judge.noise_maps(merge, denoised)
+        return result_files(merge, visible, noise, facts, self._spec, blend, compressed=compressed)
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> tuple[str, dict[str, str]]:
         name = blobs.result_set(self._owned.job_id, spp, token)

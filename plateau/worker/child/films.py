@@ -71,8 +71,17 @@ class Films:
             return None
         return self._room
 
+    def write_input(self, number: int, film: NDArray[np.float32]) -> int:
+        """Write a sum on the way to that of the slice, and return its position.
+
+        It stays until `drop_glimpse`. Raises as `make_room`.
+        """
+        at = self._room * (2 + number)
+        self._write(_bytes(film), at)
+        return at
+
     def drop_glimpse(self) -> None:
-        """Free the space of the glimpse, if there is one."""
+        """Free the space of the glimpse and of inputs, if there are any."""
         self._file.truncate(self._room)
 
     def _write(self, rest: memoryview, at: int) -> None:

@@ -27,6 +27,7 @@ from plateau.worker.renderers.contract import (
     DiskFull,
     Failed,
     FirstPass,
+    InputDone,
     KnowsBlack,
     Load,
     Loaded,
@@ -158,6 +159,10 @@ def _render(
             takes_a_while = first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S
             if takes_a_while and (at := films.write_glimpse(film)) is not None:
                 answer(FirstPass(at=at, spp=spp))
+        spp = sum(spp for spp, _ in passes[:summed])
+        if spp in request.inputs:
+            at = films.write_input(request.inputs.index(spp), total.astype(np.float32))
+            answer(InputDone(at=at, spp=spp))
     if total is None or summed < len(passes):
         answer(Stopped())
     else:

@@ -5,7 +5,7 @@ supervisor knows a renderer by these lines alone. Each request is one object, wh
 its kind::
 
     {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "aovs": ["depth"]}
-    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false, "zones": []}
+    {"do": "render", "id": 2, "passes": …, "glimpse": false, "zones": [], "inputs": []}
     {"do": "cancel", "id": 2}
 
 and each answer is one object, whose ``"is"`` names its kind::
@@ -14,6 +14,7 @@ and each answer is one object, whose ``"is"`` names its kind::
     {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W", "Z"], "notes": […]}
     {"is": "working"}
     {"is": "glimpse", "at": …, "spp": …}
+    {"is": "input", "at": …, "spp": …}
     {"is": "rendered", "at": …, "render_s": …, "notes": []}
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}
@@ -101,7 +102,8 @@ class Render:
     """Render passes, each of so many spp with a seed; answered by `SumDone` or `Stopped`.
 
     With `glimpse`, a `FirstPass` comes before that where the other passes take a while. With
-    `zones`, each an x, y, width and height, these parts of the film alone are rendered.
+    `zones`, each an x, y, width and height, these parts of the film alone are rendered. Of whole
+    films, an `InputDone` comes once the passes so far have so many spp as one of `inputs`.
     """
 
     kind: ClassVar = "render"
@@ -109,6 +111,7 @@ class Render:
     passes: Sequence[tuple[int, int]]
     glimpse: bool = False
     zones: Sequence[Sequence[int]] = ()
+    inputs: Sequence[int] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +191,15 @@ class FirstPass:
 
 
 @dataclass(frozen=True, kw_only=True)
+class InputDone:
+    """The sum of the passes so far, of `spp` samples per pixel, lies in the file from `at` on."""
+
+    kind: ClassVar = "input"
+    at: int
+    spp: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class SumDone:
     """The sum of the passes, added in their order in float64, lies in the file from `at` on."""
 
@@ -229,7 +241,9 @@ class Failed:
 
 
 Request = Load | Render | Cancel
-Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull | Failed
+Answer = (
+    Ready | Loaded | Working | FirstPass | InputDone | SumDone | Stopped | SceneRefused | DiskFull
+) | Failed
 
 _REQUESTS: Final = {one.kind: one for one in (Load, Render, Cancel)}
 _ANSWERS: Final = {one.kind: one for one in get_args(Answer)}

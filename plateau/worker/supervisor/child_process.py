@@ -80,6 +80,7 @@ class RenderChild:
         self._request_id = 0
         self._scene: Loaded | None = None
         self.notes: tuple[str, ...] = ()  #: on the last film
+        self.inputs: dict[int, Film] = {}  #: the sums on the way to it, by their spp
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._home = home
@@ -153,23 +154,30 @@ class RenderChild:
         passes: tuple[Pass, ...],
         show: Callable[[Film, int], None] | None = None,
         zones: Sequence[Zone] = (),
+        inputs: Sequence[int] = (),
     ) -> tuple[Film, float]:
         """Return the sum of these passes, in float32, and its seconds.
 
         If the passes take a while, `show` is called with the film of the first and its spp. Of
-        zones the film is (pixels, channels), as `contract.Renderer.render` says.
+        zones the film is (pixels, channels), as `contract.Renderer.render` says. The sums of the
+        first passes that have the spp of `inputs` are in the attribute of that name afterwards.
         """
         assert self._scene is not None
         pixels = pixels_of(zones) if zones else self._scene.width * self._scene.height
         samples = pixels * max(one.spp for one in passes)
         limit_s = self._watch.limit_s(self._limits.timeout_s, samples)
-        self._ask(contract.Render(passes=passes, glimpse=show is not None, zones=zones))
+        self.inputs = {}
+        self._ask(
+            contract.Render(passes=passes, glimpse=show is not None, zones=zones, inputs=inputs)
+        )
         while True:
             began = time.monotonic()
             answer = self._next_answer(limit_s, "rendering a pass")
             self._watch.took(time.monotonic() - began)
             if isinstance(answer, contract.FirstPass) and show is not None:
                 show(self._film(self._scene, zones, answer.at), answer.spp)
+            elif isinstance(answer, contract.InputDone) and answer.spp in inputs:
+                self.inputs[answer.spp] = self._film(self._scene, (), answer.at)
             elif isinstance(answer, contract.SumDone):
                 self._watch.ended(samples)
                 self.notes = answer.notes

@@ -72,8 +72,12 @@ class RenderHost:
                 )
             )
 
+        is_first = lease.index == 0
         film, render_s = child.render(
-            schedule.passes(lease.index, lease.spp), show_pass if lease.index == 0 else None, zones
+            schedule.passes(lease.index, lease.spp),
+            show_pass if is_first and lease.spec.pictures else None,
+            zones,
+            lease.spec.inputs if is_first else (),
         )
         return Rendered(
             said=self.take_words(),
@@ -85,6 +89,7 @@ class RenderHost:
             render_s=render_s,
             zones=zones,
             kind=kind,
+            inputs=child.inputs,
         )
 
     def take_words(self) -> str:

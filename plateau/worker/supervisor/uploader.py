@@ -5,8 +5,9 @@ import logging
 import queue
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from plateau.farm.blobs import names as blobs
@@ -45,6 +46,7 @@ class Rendered:
     said: str  #: what the render child printed meanwhile
     zones: tuple[Zone, ...] = ()  #: the parts of the film that were rendered; none for all of it
     kind: str = ""  #: of the worker, see `plateau.worker.supervisor.kinds`
+    inputs: Mapping[int, Film] = field(default_factory=dict)  #: see `RenderChild.inputs`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,5 +233,6 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             if scene.look and lease.index == 0
             else None,
             header=scene.header if lease.index == 0 else {},
+            inputs=rendered.inputs if isinstance(rendered, Rendered) else {},
         )
     )

@@ -3,19 +3,18 @@
 import json
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 import redis
 from rich.console import Console
 
-from plateau.client import ApiError, Client, InvalidSpec, TimedOut
+from plateau.client import ApiError, Client, InvalidSpec
 from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.files.frames import each, from_file
+from plateau.files.frames import each
 from plateau.terminal.batch_progress import batch_progress_on
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau as command
@@ -74,17 +73,6 @@ class TestTheClient:
         with pytest.raises(InvalidSpec):
             plateau.submit_batch(walk, [])
 
-    def test_waits_until_all_results_are_written(
-        self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path
-    ) -> None:
-        batch = plateau.submit_batch(walk, [{"frame": 0}])
-        with pytest.raises(TimedOut, match=r"is not finished after 0\.1 s and continues"):
-            plateau.wait_for_batch(batch.name, timeout_s=0.1)
-        later = threading.Timer(0.3, end, (client, store, batch.job_ids[0], JobState.CONVERGED))
-        later.start()
-        assert plateau.wait_for_batch(batch.name, timeout_s=60).states == {JobState.CONVERGED: 1}
-        later.join()
-
 
 class TestLists:
     @pytest.mark.parametrize(
@@ -136,57 +124,6 @@ class TestLists:
         with pytest.raises(CommandFailed, match=words):
             each(definitions)
 
-    @pytest.mark.parametrize(
-        ("content", "entries"),
-        [
-            ('[{"a": 1, "b": true}, {}]', [{"a": 1, "b": True}, {}]),
-            ("a,b\n1,x\n\n2,\n", [{"a": "1", "b": "x"}, {"a": "2", "b": ""}]),
-            ("\ufeffa\n1\n", [{"a": "1"}]),
-        ],
-    )
-    def test_of_a_file(self, tmp_path: Path, content: str, entries: list[dict[str, Any]]) -> None:
-        (tmp_path / "frames").write_text(content)
-        assert from_file(tmp_path / "frames") == entries
-
-    @pytest.mark.parametrize(
-        ("content", "words"),
-        [
-            ("", "has no entries"),
-            ("a,b\n", "has no entries"),
-            ('[{"a": 1}, {"a": "1"}]', "jobs 1 and 2 would be the same: a=1"),
-            ("[]", "has no entries"),
-            ("a,a\n1,2\n", "name each column once"),
-            ("a,\n1,2\n", "name each column"),
-            ("a,b\n1,2\n3\n", "entry 2 of .* has 1 values for 2 columns"),
-            ("[1]", "list of objects"),
-            ('{"a": 1}', "list of objects"),
-            ("[{", "is not JSON"),
-            ("a\n" + "1\n" * 1001, "makes 1,001 jobs"),
-            ("a\n" + "1" * 200_000, "is not CSV: field larger"),
-        ],
-    )
-    def test_of_a_file_that_is_wrong(self, tmp_path: Path, content: str, words: str) -> None:
-        (tmp_path / "frames").write_text(content)
-        with pytest.raises(CommandFailed, match=words):
-            from_file(tmp_path / "frames")
-
-    @pytest.mark.parametrize(
-        "value", ["null", "[1]", '{"x": 1}', "NaN", "-Infinity", "1e400", r'"\ud800"']
-    )
-    def test_of_a_file_with_a_value_that_no_parameter_can_have(
-        self, tmp_path: Path, value: str
-    ) -> None:
-        (tmp_path / "frames").write_text(f'[{{"größe": 1}}, {{}}, {{"a": true, "größe": {value}}}]')
-        words = "entry 3 of .*frames: 'größe' must be text, a number, true or false"
-        with pytest.raises(CommandFailed, match=words):
-            from_file(tmp_path / "frames")
-
-    @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
-    def test_of_a_file_in_another_encoding(self, tmp_path: Path, encoding: str) -> None:
-        (tmp_path / "frames").write_bytes("material\nWeißblech\n".encode(encoding))
-        with pytest.raises(CommandFailed, match="frames is not UTF-8 text: save it as UTF-8"):
-            from_file(tmp_path / "frames")
-
 
 @pytest.mark.usefixtures("_service")
 class TestTheCommandLine:
@@ -224,27 +161,12 @@ class TestTheCommandLine:
         code, _, error = command("submit", str(walk), "--shot", "24")
         assert (code, "give `parameters` as a list" in error) == (1, True)
 
-    def test_submits_the_entries_of_a_file(
-        self, walk: Path, plateau: Client, tmp_path: Path
-    ) -> None:
-        (tmp_path / "frames.csv").write_text("frame\n2\n1\n")
-        file = str(tmp_path / "frames.csv")
-        code, out, error = command("submit", str(walk), "--parameters", file, "--json")
-        assert code == 0, error
-        assert json.loads(out)["jobs"] == 2
-        code, out, error = command(
-            "submit", str(walk), "--parameters", file, "--batch", "s", "--seed", "7", "--same-seeds"
-        )
-        assert code == 0, error
+    def test_submits_frames_with_the_same_seeds(self, walk: Path, plateau: Client) -> None:
+        asked = ("submit", str(walk), "--seed", "7", "--same-seeds")
+        assert command(*asked, "--each", "frame=1,2", "--batch", "s")[0] == 0
         assert [job.spec.seed for job in plateau.all_jobs(batch="s")] == [7, 7]
-        code, _, error = command("submit", str(walk), "--same-seeds")
-        assert (code, "give --each or --parameters" in error) == (2, True)
-        code, _, error = command("submit", str(walk), "--parameters", file, "--each", "frame=1..2")
-        assert (code, "give one" in error) == (1, True)
-        (tmp_path / "frames.csv").write_text('[{"frame": null}]')
-        code, _, error = command("submit", str(walk), "--parameters", file)
-        said = f"entry 1 of {file}: 'frame' must be text, a number, true or false"
-        assert (code, error) == (1, f"plateau: {said}\n")
+        code, _, error = command(*asked)
+        assert (code, "give --each" in error) == (2, True)
 
     def test_cancels_pauses_and_resumes_all_of_it(self, plateau: Client, walk: Path) -> None:
         batch = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w"))
@@ -290,51 +212,6 @@ class TestTheCommandLine:
         assert command("watch", "--batch", "w", "-o", str(out), "--json")[0] == 3
         assert (first / "image.png").read_bytes() == b"mine"
 
-    def test_names_the_images_of_a_sequence_by_a_pattern(
-        self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path, tmp_path: Path
-    ) -> None:
-        # Given a batch whose first frame was rendered again
-        frames = [{"frame": 1}, {"frame": 2}]
-        batch = plateau.submit_batch(walk, frames, JobSpec(batch="w", max_spp=100))
-        again = plateau.submit(walk, JobSpec(batch="w", max_spp=100, parameters={"frame": 1}))
-        for job_id in (*batch.job_ids, again.id):
-            end(client, store, job_id, JobState.CONVERGED)
-        # Then each frame has one file
-        out = f"{tmp_path}/shots/{{batch}}.{{frame:04d}}.png"
-        assert command("watch", "--batch", "w", "-o", out)[0] == 0
-        shots = {path.name: path.read_bytes() for path in (tmp_path / "shots").iterdir()}
-        assert shots == {"w.0001.png": b"a picture", "w.0002.png": b"a picture"}
-        # Also where they came from a command line, as text
-        command(
-            "submit", str(walk), "--each", "frame=0..2:2", "--batch", "text", "--max-spp", "100"
-        )
-        for job_id in plateau.batch("text").job_ids:
-            end(client, store, job_id, JobState.CONVERGED)
-        assert command("watch", "--batch", "text", "-o", out)[0] == 0
-        assert sorted(path.name for path in (tmp_path / "shots").glob("text*")) == [
-            "text.0000.png",
-            "text.0002.png",
-        ]
-        # But a pattern that is none, or of which frames have one file, is refused
-        for pattern, said in {
-            "{frame:04d}": "let it end with .exr or .png",
-            "{frame.png": "is no pattern",
-            "{frame.real}.png": "a field is a name and perhaps a format",
-            "{fram}.png": "has no 'fram'; it has frame, batch, name, id, place",
-            "{frame:z}.png": "frame is 1 here, which has no format 'z'",
-            "{batch}.png": "one file, w.png: let it have what they differ in, such as {frame}",
-        }.items():
-            code, _, error = command("watch", "--batch", "w", "-o", pattern)
-            assert (code, said in " ".join(error.split())) == (1, True), error
-
-    def test_names_no_file_outside_the_pattern_s_folders(self, plateau: Client, walk: Path) -> None:
-        plateau.submit_batch(walk, [{"frame": 0}], JobSpec(batch="../w", max_spp=100))
-        code, _, error = command("watch", "--batch", "../w", "-o", "{batch}/{frame}.exr")
-        assert (code, "batch is '../w' here, which cannot be" in " ".join(error.split())) == (
-            1,
-            True,
-        )
-
     def test_takes_the_name_of_an_image_for_no_folder(
         self, client: redis.Redis, store: Blobs, tmp_path: Path
     ) -> None:
@@ -342,7 +219,7 @@ class TestTheCommandLine:
         end(client, store, made.job.id, JobState.CONVERGED)
         for words in (["watch", "--batch", "walk"], ["watch", made.job.id], ["fetch", made.job.id]):
             code, _, error = command(*words, "-o", str(tmp_path / "walk.exr"))
-            assert (code, "a pattern, such as walk.{place:04d}.exr" in error) == (1, True), error
+            assert (code, "name a folder, such as walk" in error) == (1, True), error
         assert list(tmp_path.glob("walk*")) == []
         # Where somebody has such a folder, it will do
         (tmp_path / "walk.png").mkdir()

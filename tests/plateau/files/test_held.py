@@ -14,7 +14,6 @@ import plateau as package
 from plateau.client import Client
 from plateau.farm.images.exr import encode_layers
 from plateau.farm.model.job import utc_now
-from plateau.farm.model.spec import JobSpec
 from plateau.files.held import Held, held
 from plateau.files.job_folder import whole
 from plateau.rendering.result import Result
@@ -111,13 +110,12 @@ def test_no_command_and_no_call_writes_where_another_does(
         path.write_bytes(encode_layers(rgb, {}))
     images = [str(image), str(tmp_path / "b.exr")]
     clean = out / "0000.exr"
-    with held(out), held(clean), held(out / "0000.exr.batch"):
+    with held(out), held(clean):
         before = sorted(tmp_path.rglob("*"))
         for words in (
             ["fetch", job.id, "-o", str(out)],
             ["watch", job.id, "-o", str(out)],
             ["watch", "--batch", "w", "-o", str(out)],
-            ["watch", "--batch", "w", "-o", str(out / "{place:04d}.exr")],
             ["render", "scenes:box", "-o", str(out)],
             ["judge", str(slices), "-o", str(out)],
             ["diff", *images, "--map", str(clean)],
@@ -134,16 +132,3 @@ def test_no_command_and_no_call_writes_where_another_does(
             plateau.download(job.id, "image.png", out / "image.png")
         assert sorted(tmp_path.rglob("*")) == before
     assert command("fetch", job.id, "-o", str(out))[0] == 0
-
-
-@pytest.mark.usefixtures("_service")
-def test_frames_whose_files_are_one_on_some_disks_are_refused(
-    plateau: Client, client: redis.Redis, tmp_path: Path
-) -> None:
-    for one, other in [("a", "A"), ("\u00e9", "e\u0301"), ("1", "01")]:
-        batch = f"of {one}"
-        for value in (one, other):
-            StagedJob(client, **JobSpec(batch=batch, parameters={"x": value}).model_dump())
-        layout = "{x:03d}" if one == "1" else "{x}"
-        code, _, said = command("watch", "--batch", batch, "-o", f"{tmp_path}/{layout}.png")
-        assert (code, "one file" in said, "such as {x}" in said) == (1, True, True), said

@@ -154,7 +154,6 @@ def test_files_behind_links_are_packed_as_files(tmp_path: Path):
     ("body", "code", "says"),
     [
         (mesh("no.ply"), "missing-file", "'no.ply' does not exist"),
-        (include("no.xml"), "missing-file", "'no.xml' does not exist"),
         (mesh("link/../a.ply"), "unpackable-path", "a folder that is a link"),
         ("{absolute}", "unpackable-path", "is an absolute path"),
         (mesh("$what"), "undefined-parameter", "has no value"),

@@ -40,8 +40,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
     (tmp_path / "checks.json").write_text(json.dumps(CHECKS))
     started: list[Command] = []
 
-    def start(scene: str = "'checks.json'", *, before: str = "", **options: object) -> Command:
-        program = before + PROGRAM.format(scene=scene, options=options)
+    def start(scene: str = "'checks.json'", **options: object) -> Command:
+        program = PROGRAM.format(scene=scene, options=options)
         started.append(Command(program=("-c", program), folder=tmp_path))
         return started[-1]
 
@@ -87,30 +87,6 @@ def test_a_path_becomes_an_image_and_a_curve(run: Run, tmp_path: Path) -> None:
     assert {"image.exr", "image.png", "curve.csv", "curve.svg", "summary.json"} < saved
     assert written == saved
     assert (folders[0] / "curve.csv").read_text() == (folders[1] / "curve.csv").read_text()
-
-
-@pytest.mark.long  # what a dict is written as: tests/worker/renderers/test_scene_dict.py
-def test_a_mitsuba_dict_is_rendered(run: Run) -> None:
-    scene = """
-import mitsuba as mi
-import numpy as np
-mi.set_variant("scalar_rgb")
-box = mi.cornell_box()
-box["sensor"]["film"] |= {"width": np.int64(24), "height": 16}
-box["green"]["reflectance"] = {"type": "bitmap", "bitmap": mi.Bitmap(np.ones((2, 2, 3), "f4"))}
-"""
-    command = run(
-        "box",
-        before=scene,
-        rule={"name": "fixed", "spp": 25},
-        step=25,
-        variant="scalar_rgb",
-        progress=False,
-    )
-    result = result_of(command)
-    assert result.image.shape == (16, 24, 3)
-    assert result.image.mean() > 0.1
-    assert "spp  changed" not in command.said  # nothing was shown
 
 
 @pytest.mark.long

@@ -89,6 +89,16 @@ def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:
     return film
 
 
+_scenes: list[object] = []
+
+
+def scene_in_use() -> int:
+    """Which scene is loaded: another one has another number."""
+    assert _renderer._prepared is not None
+    _scenes.append(_renderer._prepared.scene)  # alive, so that no other has its place in memory
+    return id(_scenes[-1])
+
+
 def films_until_cancelled(passes: list[tuple[int, int]], begun: int) -> list[NDArray[np.float32]]:
     """The films of passes of which no more than so many may begin."""
     left = iter(range(begun))

@@ -34,6 +34,7 @@ ANSWERS = [
     ),
     contract.Working(),
     contract.FirstPass(at=96, spp=4),
+    contract.InputDone(at=96, spp=4),
     contract.SumDone(at=0, render_s=0.5),
     contract.Stopped(),
     contract.SceneRefused(message="no such plugin"),

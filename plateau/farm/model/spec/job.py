@@ -70,6 +70,7 @@ class JobSpec(SharedSpec):
             self.seed,
             MOST_SLICE_SPP if self.by_zones else 0,
             self.frame_seed,
+            self.inputs,
         )
 
 
@@ -92,6 +93,12 @@ class BatchSpec(SharedSpec):
         "what moves, where it is seen more; by default the first job has the seed `seed`, and each "
         "further one the next",
     )
+    first_frame: int = Field(
+        default=0,
+        ge=0,
+        le=JOB_SEEDS - 1,
+        description="which frame of a longer list the first entry is: seeds are counted from there",
+    )
 
     @model_validator(mode="after")
     def _has_frames(self) -> "BatchSpec":
@@ -111,5 +118,5 @@ class BatchSpec(SharedSpec):
         ]
 
     def _seeds(self, place: int) -> dict[str, int]:
-        frame_seed = 0 if self.same_seeds else place
+        frame_seed = 0 if self.same_seeds else (self.first_frame + place) % JOB_SEEDS
         return {"seed": (self.seed + frame_seed) % JOB_SEEDS, "frame_seed": frame_seed}

@@ -42,7 +42,7 @@ AllocationSpec = Annotated[
 ]
 
 #: Why an allocation `auto` became frame, as `SharedSpec.frames_because` says it.
-FramesBecause = Literal["rule", "shot", "keep_slices", "variant", "gpu"]
+FramesBecause = Literal["rule", "variance", "inputs", "shot", "keep_slices", "variant", "gpu"]
 
 
 class NoDenoising(Strict):

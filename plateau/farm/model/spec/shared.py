@@ -1,6 +1,7 @@
 """How an image is sampled, judged and stopped, whatever the parameters of its scene are."""
 
 import json
+from itertools import pairwise
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, model_validator
@@ -185,6 +186,23 @@ class SharedSpec(Strict):
     keep_slices: bool = Field(
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
+    inputs: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], texts.LIST] = Field(
+        default=(),
+        max_length=16,
+        description="samples per pixel, rising, of noisy images that image.exr has as layers "
+        "`spp0004.R` and so on, with all channels: sums of the first passes, at most of a slice",
+    )
+    variance: bool = Field(
+        default=False,
+        description="whether image.exr has `variance.R`, `variance.G` and `variance.B`: the "
+        "variance of each value against the converged image, without bias, from four parts of the "
+        "slices",
+    )
+    pictures: bool = Field(
+        default=True,
+        description="whether there is anything for people to look at beside image.exr: previews, "
+        "image.png and maps. A data set has no need of them",
+    )
     notice: NoticeSpec = Field(
         default_factory=NoticeSpec, description="who is notified when the job ends"
     )
@@ -203,12 +221,26 @@ class SharedSpec(Strict):
         if self.by_quarters and (self.by_zones or self.is_denoised):
             raise ValueError(
                 "the error of an image is known where it has whole frames, as rendered: choose the "
-                "allocation frame and no denoiser, or a rule that does not go by the error"
+                "allocation frame and no denoiser, or neither variance nor a rule by the error"
             )
+        self._check_inputs()
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")
         return self
+
+    def _check_inputs(self) -> None:
+        if any(one >= after for one, after in pairwise(self.inputs)):
+            raise ValueError(f"inputs must rise: they are {', '.join(map(str, self.inputs))}")
+        if self.inputs and self.inputs[-1] > self.slice_spp:
+            raise ValueError(
+                f"inputs lie in the first slice: {self.inputs[-1]} is above slice_spp, "
+                f"{self.slice_spp}; raise slice_spp"
+            )
+        if self.inputs and (self.by_zones or self.is_denoised):
+            raise ValueError(
+                "inputs are whole frames, as rendered: choose the allocation frame and no denoiser"
+            )
 
     def _check_zones(self) -> None:
         if not _may_render_zones(self.variant):
@@ -236,8 +268,12 @@ class SharedSpec(Strict):
         judged with another step. A GPU waits for the judgements of zones longer than it would
         render their samples. The variant `auto` may have zones: its first worker decides.
         """
-        if self.rule.behaviour.quality_target is None or self.by_quarters:
+        if self.rule.behaviour.quality_target is None:
             return "rule"
+        if self.by_quarters:
+            return "variance" if self.variance else "rule"
+        if self.inputs:
+            return "inputs"
         if self.shot is not None:
             return "shot"
         if self.keep_slices:
@@ -284,8 +320,8 @@ class SharedSpec(Strict):
 
     @property
     def by_quarters(self) -> bool:
-        """Whether one of its rules needs four parts of the slices."""
-        return any(one.behaviour.by_quarters for one in (self.rule, *self.watch))
+        """Whether one of its rules, or its variance, needs four parts of the slices."""
+        return self.variance or any(one.behaviour.by_quarters for one in (self.rule, *self.watch))
 
     def require_size(self, width: int, height: int) -> None:
         """Raise `UnfitFilm` where its rules cannot judge an image of this size, or so seen."""

@@ -149,6 +149,8 @@ NOISE_UNKNOWN: Final = NO_IMAGE_YET.case(
     f"{_AN_IMAGE}whose noise nobody knows yet: that takes two slices, and an image without broken "
     "pixels",
     "")
+NO_PICTURES: Final = NO_IMAGE_YET.case(
+    "job {job} was to make no pictures (`pictures` of its spec)", "image.exr has its image")
 NO_ZONES: Final = NO_IMAGE_YET.case(
     "job {job} is allocated by frame: all its pixels have the same samples", "")
 ALL_FINITE: Final = NO_IMAGE_YET.case(f"{_AN_IMAGE}of which no pixel is NaN or infinite", "")

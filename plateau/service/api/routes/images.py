@@ -176,6 +176,8 @@ def _image(name: str, media_type: str, job_id: str, farm: Parts, has: Known) -> 
 
 
 def _why_no_image(job: Job, name: str) -> ProblemType:
+    if name != "image.exr" and not job.spec.pictures:
+        return problems.NO_PICTURES
     lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         return problems.NO_DIFFERENCE if job.state.ended else problems.NO_DIFFERENCE_YET

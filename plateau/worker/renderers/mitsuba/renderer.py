@@ -16,7 +16,7 @@ from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
 from plateau.worker.renderers.mitsuba.kernel import Kernel
-from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
+from plateau.worker.renderers.mitsuba.scene_prep import moved, prepare, scene_errors, with_aovs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -62,8 +62,15 @@ class Renderer:
 
     def load(self, request: Load) -> Loaded:
         """Load a scene in the place of the one before; errors carry Mitsuba's message."""
-        # The slices of a job may differ in their AOVs, and a scene may take minutes to load.
-        kept = self._prepared if _differ_in_aovs_alone(self._request, request) else None
+        # A scene may take minutes to load, and the frames of a sequence differ little.
+        before, self._request = self._request, None
+        if self._prepared is not None and _differ_in_parameters_alone(before, request):
+            one = moved(self._variant, self._prepared, request)
+            if one is not None:
+                self._prepared, self._request = one, request
+                return self._loaded(one)
+        # The slices of a job may differ in their AOVs.
+        kept = self._prepared if _differ_in_aovs_alone(before, request) else None
         self._unload()
         if kept is None:
             one = prepare(self._variant, request)
@@ -72,6 +79,9 @@ class Renderer:
         self._prepared, self._request = one, request
         if not self._variant.startswith("scalar"):
             self._kernel = Kernel(one)
+        return self._loaded(one)
+
+    def _loaded(self, one: PreparedScene) -> Loaded:
         return Loaded(
             width=one.width,
             height=one.height,
@@ -123,6 +133,10 @@ def _differ_in_aovs_alone(one: Load | None, other: Load) -> bool:
     if one is None or one.aovs == other.aovs:
         return False
     return one == replace(other, id=one.id, aovs=one.aovs)
+
+
+def _differ_in_parameters_alone(one: Load | None, other: Load) -> bool:
+    return one is not None and one == replace(other, id=one.id, parameters=one.parameters)
 
 
 def _rendered(one: PreparedScene, spp: int, seed: int) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ import stat
 import sys
 import traceback
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -54,6 +54,10 @@ _OUT_OF_MEMORY: Final = "std::bad_alloc"
 _MOST_LOG_BYTES: Final = 2**24
 _MOST_WARNINGS: Final = 5
 
+#: Cameras whose place can be changed, and the name that it has.
+_MOVABLE: Final = ("perspective", "thinlens")
+_PLACE: Final = "to_world"
+
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
 
@@ -74,6 +78,8 @@ class PreparedScene:
         What was changed in the scene, a sentence each.
     header : mapping of str to str
         The place of a crop window in the film; empty where it has none.
+    nodes : sequence of Mitsuba objects
+        The scene as it was parsed, before it was adapted.
     """
 
     scene: Any
@@ -85,6 +91,7 @@ class PreparedScene:
     channels: FilmChannels
     notes: tuple[str, ...]
     header: Mapping[str, str]
+    nodes: Sequence[Any] = ()
 
 
 def prepare(variant: str, request: Load) -> PreparedScene:
@@ -102,30 +109,80 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     SceneError
         Mitsuba refuses the scene, or the farm cannot render it.
     """
-    folder, entry, parameters = Path(request.folder), request.entry, request.parameters
+    folder = Path(request.folder)
     check_aovs(request.aovs, MITSUBA_AOVS)
-    for name in _UNPASSABLE & parameters.keys():
+    for name in _UNPASSABLE & request.parameters.keys():
         raise SceneError(
             f"a parameter cannot be named {name!r}, a name that Mitsuba keeps for itself; rename it"
         )
     # Not in the bundle's top folder too: seen from there, `..` would lead out of the bundle.
-    _resolve_files_in((folder / entry).parent)
-    config = mi.parser.ParserConfig(variant)
-    # Else the order of shapes, and of lights among them, is another in each process, and with it
-    # what a seed's random numbers stand for.
-    config.parallel = config.merge_meshes = False
+    _resolve_files_in((folder / request.entry).parent)
     _build_hierarchies_alone()
     with _log() as said, scene_errors(folder), _threads(request.threads):
-        state = mi.parser.parse_file(config, str(folder / entry), **parameters)
+        config, state = _parsed(variant, request)
         try:
             mi.parser.transform_all(config, state)
+            nodes = _nodes(variant, request)  # Mitsuba uses up those that it instantiates
             notes = adapt(variant, list(state.nodes))
             scene = mi.parser.instantiate(config, state)
         except RuntimeError as error:
             raise RuntimeError(_explained(str(error), state)) from error
         warned = warnings_in(without_folders(said(), [folder]))[:_MOST_WARNINGS]
-    return _check(
-        variant, scene, request, (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
+    notes = (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
+    return replace(_check(variant, scene, request, notes), nodes=nodes)
+
+
+def _parsed(variant: str, request: Load) -> tuple[Any, Any]:
+    """Return how a scene is parsed, and what that gives."""
+    config = mi.parser.ParserConfig(variant)
+    # Else the order of shapes, and of lights among them, is another in each process, and with it
+    # what a seed's random numbers stand for.
+    config.parallel = config.merge_meshes = False
+    file = str(Path(request.folder) / request.entry)
+    return config, mi.parser.parse_file(config, file, **request.parameters)
+
+
+def _nodes(variant: str, request: Load) -> Any:
+    """Return the nodes of a parsed scene, in their order."""
+    config, state = _parsed(variant, request)
+    mi.parser.transform_all(config, state)
+    return state.nodes
+
+
+def moved(variant: str, one: PreparedScene, request: Load) -> PreparedScene | None:
+    """Return the scene of another request, if they differ in where their camera is alone.
+
+    The scene is changed, and is then to the bit what `prepare` would make of the request. What was
+    recorded of it holds: the place of a camera is no part of a kernel.
+    """
+    with scene_errors(Path(request.folder)):
+        nodes = _nodes(variant, request)
+        if len(nodes) != len(one.nodes):
+            return None
+        changed = [pair for pair in zip(one.nodes, nodes, strict=True) if pair[0] != pair[1]]
+        if len(changed) != 1 or not _is_moved(*changed[0]):
+            return None
+        if sum(node.type == mi.ObjectType.Sensor for node in nodes) > 1:
+            return None
+        # Mitsuba says what the place is to the bit, and refuses one with a scale.
+        like = {"type": "perspective", "fov": 45.0, _PLACE: changed[0][1].props[_PLACE]}
+        camera = mi.traverse(one.sensor)
+        camera[_PLACE] = mi.traverse(mi.load_dict(like, parallel=False))[_PLACE]
+        camera.update()
+    return replace(one, nodes=nodes)
+
+
+def _is_moved(had: Any, has: Any) -> bool:
+    """Whether a node is a camera that differs in its place alone."""
+    if had.type != mi.ObjectType.Sensor or has.props.plugin_name() not in _MOVABLE:
+        return False
+    names = set(had.props.keys())
+    others = names - {_PLACE}
+    return (
+        had.props.plugin_name() == has.props.plugin_name()
+        and names == set(has.props.keys())
+        and _PLACE in names
+        and all(had.props[name] == has.props[name] for name in others)
     )
 
 

@@ -55,14 +55,12 @@ export function compact(value) {
 }
 
 /**
- * The marks of a logarithmic axis: the powers of ten, and twice and five times these where they are few.
+ * The marks of a logarithmic axis: the powers of ten.
  * @param {uPlot} _plot
  * @param {number[]} values
  */
 export function marked(_plot, values) {
-  const leading = values.map((value) => Math.round(value / 10 ** Math.floor(Math.log10(value) + 1e-9)));
-  const few = leading.filter((one) => one === 1).length < 3;
-  return values.map((value, index) => (leading[index] === 1 || (few && [2, 5].includes(leading[index])) ? value : null));
+  return values.map((value) => (Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9 ? value : null));
 }
 
 /** The colours of the plots, from the current style sheet. */
@@ -71,6 +69,6 @@ export function colours() {
   const of = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim();
   return {
     ink: of("ink-2"), grid: of("line"), curve: of("curve"), estimate: of("estimate"), band: of("band"),
-    stop: of("stop"), stopFaint: of("stop-faint"), font: `12px ${style.fontFamily}`,
+    stop: of("stop"), font: `12px ${style.fontFamily}`,
   };
 }

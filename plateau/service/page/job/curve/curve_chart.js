@@ -111,12 +111,8 @@ export class CurveChart {
    * @returns {uPlot.Options}
    */
   #options(panel, theme, sync) {
-    const axis = { stroke: theme.ink, ticks: { show: false }, font: theme.font };
-    /** @param {boolean} logarithmic */
-    const marks = (logarithmic) => {
-      const filter = logarithmic ? { filter: marked } : {};
-      return { ...filter, grid: { stroke: theme.grid, width: 1, ...filter } };
-    };
+    const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
+    const decades = panel.logarithmic ? { filter: marked, grid: { ...axis.grid, filter: marked } } : {};
     const isFirst = panel === this.#panels[0];
     /** @type {uPlot.Axis.DynamicValues} */
     const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
@@ -128,8 +124,8 @@ export class CurveChart {
         y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
-        { ...axis, ...marks(this.#logX.checked), values: short, space: 60, size: 30 },
-        { ...axis, ...marks(panel.logarithmic), values: short, size: AXIS_PX },
+        { ...axis, values: short, space: 60, size: 30 },
+        { ...axis, ...decades, values: short, size: AXIS_PX },
       ],
       cursor: {
         sync: { key: sync.key, setSeries: false }, drag: { x: false, y: false }, focus: { prox: 1e6 },

@@ -62,21 +62,21 @@ export class ChangedPanel extends Panel {
 
   /** @param {Theme} theme @returns {uPlot.Series[]} */
   series(theme) {
-    return [line(theme.curve), { stroke: theme.stopFaint, width: 5, points: { show: false } },
+    return [line(theme.curve), { stroke: theme.stop, width: 1.5, points: { show: false } },
       { stroke: theme.stop, width: 1.5, dash: [5, 4], points: { show: false } }];
   }
 
   /** @param {Api.JobView} job @param {Points} points */
   data(job, points) {
-    const rule = ruleWith("slope", job);
-    const window = points.slice(-((rule && valueIn("window", rule)) ?? 5));
-    const slope = points[points.length - 1].slope;
+    const { rule } = job.spec;
+    const window = points.slice(-(valueIn("window", rule) ?? 5));
+    const slope = valueIn("slope", rule) == null ? null : points[points.length - 1].slope;
     const mean = (/** @type {(point: Api.CurvePoint) => number} */ of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
     const [spp, visible] = [mean((point) => point.spp), mean((point) => point.visible_pixels)];
     const laid = (/** @type {number | null} */ steepness) => points.map((point) =>
       steepness != null && window.includes(point) ? visible + steepness * (point.spp - spp) : null);
     return [this.column(points, (point) => point.visible_pixels), laid(slope),
-      laid(rule && slope != null ? stopSlope(job, rule) : null)];
+      laid(slope == null ? null : stopSlope(job, rule))];
   }
 
   /** @returns {Range} */
