@@ -176,6 +176,7 @@ class Judge:
             image=image,
             halves=merge.halves(),
             quarters=merge.quarters(),
+            light=merge.is_lit,
             metric=self._metric,
         )
 

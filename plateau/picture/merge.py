@@ -198,6 +198,13 @@ class Merge:
         self._sampled.note(partial.zones, partial.spp, is_even=is_even)
         self.slices += 1
 
+    @property
+    def is_lit(self) -> bool:
+        """Whether any pixel has light, as rendered; one that is NaN or infinite tells nothing."""
+        assert self._total is not None
+        colours = self._total[..., :3]
+        return bool(((colours > 0) & (colours < np.inf)).any())
+
     def image(self, *, as_seen: bool = True) -> Pixels:
         """Return the image that is judged: (height, width, 3) float32 linear radiance.
 

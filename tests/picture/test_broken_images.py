@@ -12,10 +12,14 @@ import redis
 from PIL import Image
 
 from plateau.farm.images.exr import Pixels, decode_image
+from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.job import Job, utc_now
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import job_text
 from plateau.farm.wire.views import job_view
+from plateau.picture.judge import Judge
+from plateau.picture.merge import Merge
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 from tests.support.long_tests import rare
@@ -166,3 +170,14 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         assert {row["non_finite_pixels"] for row in rows} == {"2"}
         answer = http.get(http.get(path).json()["links"]["non_finite_png"])
         assert answer.content == farm.picture(job, "non-finite.png")
+
+
+def test_an_image_without_light_is_not_good_however_bright_black_is_shown() -> None:
+    merge = Merge(slice_spp=100, transform=ViewTransform(np.full((33, 33, 33, 3), 9000, np.uint16)))
+    film = np.zeros((16, 16, 4), np.float32)
+    film[..., 3] = 100
+    for _ in range(4):
+        merge.add(film)
+    assert merge.image().min() > 0
+    verdict = Judge(JobSpec(slice_spp=100)).judge(merge).verdict
+    assert (verdict.stop, "the image is black" in verdict.reason) == (False, True)

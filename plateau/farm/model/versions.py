@@ -11,7 +11,7 @@ Raise it with every such change. Data of another version is not migrated.
 from functools import cache
 from typing import Final
 
-LAYOUT: Final = 4
+LAYOUT: Final = 5
 
 
 @cache

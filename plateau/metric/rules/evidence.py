@@ -48,6 +48,8 @@ class Evidence:
     error: BlendError | None = None
     #: Four parts of the slices, for rules `by_quarters`; None while there are fewer than four.
     quarters: Quarters | None = None
+    #: Whether any pixel has light, before a view transform; None without one.
+    light: bool | None = None
 
     def __post_init__(self) -> None:
         if self.spp < 1:
@@ -70,7 +72,9 @@ class Evidence:
 
     @cached_property
     def is_lit(self) -> bool:
-        """Whether any pixel has light."""
+        """Whether any pixel has light, as rendered: a view transform may show black as grey."""
+        if self.light is not None:
+            return self.light
         return bool((self.image[self.finite] > 0).any())
 
     @property

@@ -12,7 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from plateau.metric import Denoise, Image, View
+    from plateau.metric import Image, View
+    from plateau.metric.blend import Denoise
 
 #: What says how to get it.
 MISSING: Final = "Open Image Denoise is not installed here: install plateau[denoise]"
