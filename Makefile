@@ -20,7 +20,7 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 test: setup  ## Run every test that a newcomer's machine can run
 	$(BIN)/python -m pytest $(SUITE) --durations 20 $(OPTIONS)
 
-test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
+test-cluster: setup  ## More than one machine: S3, Slurm, Ray, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
 	bash tests/cluster/install.sh $(PARTS)
 	CLUSTER_TESTS=$(or $(CLUSTER_TESTS),long) $(BIN)/python -m pytest \
 	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10 \

@@ -2,38 +2,23 @@
 
 Redis and the monitors are real, as `plateau` starts them. The workers are simulated: they lease,
 put real small partials, commit and renew by the code of real workers, but do not render.
-Measured are the cost of each request to Redis; every number of workers with every number of jobs;
-given rates of slices, with one monitor and with two; and the cost of workers without jobs, and of
-jobs without workers.
+Measured are every number of workers with every number of jobs, and given rates of slices, with one
+monitor and with two.
 """
 
-import argparse
-import json
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from bench.support.processes import timed
 from bench.support.report import Table, machine_table, p99, write_report
 from bench.support.scale_farm import ControlPlane
-from bench.support.scale_workers import Slice, made_up_record
-from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue
+from bench.support.scale_workers import Slice
 
-_VARIANTS: Final = ("llvm_ad_rgb", "scalar_rgb")
-#: A point of the curve, as large as most.
-_POINT: Final[dict[str, object]] = json.loads(
-    """{"spp": 100, "visible_pixels": 40123, "visible_fraction": 0.612, "slope": -1.25,
-    "estimate_pixels": 812.5, "estimate_fraction": 0.0124, "estimate_low_pixels": 700.25,
-    "estimate_high_pixels": 930.75, "expected_spp": 1900,
-    "non_finite_pixels": 0,
-    "rules": {"visible": {"value": 0.0124, "stop": false}}}"""
-)
 #: What a table has of a load: the figures of each cell.
 _GRIDS: Final = {
     "scale-slices": ("committed / merged in a second", ("committed", "merged")),
@@ -41,14 +26,7 @@ _GRIDS: Final = {
         "lease median / p99, commit median / p99, ms",
         ("lease: median", "lease: p99", "commit: median", "commit: p99"),
     ),
-    "scale-shares": (
-        "Redis / monitor, cores; Redis, µs of a slice",
-        ("Redis", "monitors", "Redis, of a slice"),
-    ),
 }
-
-#: The cost of a request: µs of Redis and bytes of its log.
-Costs = dict[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,8 +38,6 @@ class Plan:
     render_s: float = 2.0  #: of a slice there
     rates: tuple[float, ...] = (1000.0,)  #: slices/s, asked of the most workers
     monitors: tuple[int, ...] = (1, 2)  #: with each of the rates
-    waiting: int = 1000  #: workers without jobs, and then jobs without workers
-    turns: int = 300  #: of each request whose cost is measured
     warm_s: float = 1.0  #: after the first slices were committed
     seconds: float = 3.0
     size: int = 16  #: of partials, in pixels
@@ -72,22 +48,12 @@ class Plan:
 class Found:
     """All that was measured."""
 
-    costs: Costs
     loads: dict[str, dict[str, float]] = field(default_factory=dict)  #: by name: figures by name
     others: list[float] = field(default_factory=list)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, value in asdict(Plan()).items():
-        many: dict[str, Any] = {"nargs": "*"} if isinstance(value, tuple) else {}
-        kind = type(value[0] if isinstance(value, tuple) else value)
-        option = f"--{name.replace('_', '-')}"
-        parser.add_argument(option, type=kind, default=value, help=f"{value} if not given", **many)
-    given: dict[str, Any] = vars(parser.parse_args())
-    for name, value in given.items():
-        given[name] = tuple(value) if isinstance(value, list) else value
-    plan = Plan(**given)
+    plan = Plan()
     write_report(
         "scale",
         tables(plan, measure(plan)),
@@ -105,9 +71,8 @@ def main() -> None:
 
 
 def measure(plan: Plan) -> Found:
-    """Measure every load and cost; the default plan takes some minutes."""
-    with _control_plane(plan, monitors=0) as farm:
-        found = Found(costs(farm, jobs=max(plan.jobs), turns=plan.turns))
+    """Measure every load; the default plan takes some minutes."""
+    found = Found()
     most, some = max(plan.workers), sorted(plan.jobs)[-2:][0]
     for workers in plan.workers:
         for jobs in plan.jobs:
@@ -117,19 +82,7 @@ def measure(plan: Plan) -> Found:
         for rate in plan.rates:
             name = f"{rate:g}/s asked of {monitors} monitor{'s' * (monitors != 1)}"
             _add_load(found, plan, name, most, some, most / rate, monitors=monitors)
-    _add_load(found, plan, f"{plan.waiting} idle workers", plan.waiting, 0, plan.render_s)
-    _add_load(found, plan, f"{plan.waiting} waiting jobs", 0, plan.waiting, plan.render_s)
     return found
-
-
-@contextmanager
-def _control_plane(plan: Plan, monitors: int = 1) -> Iterator[ControlPlane]:
-    with (
-        tempfile.TemporaryDirectory() as disk,
-        tempfile.TemporaryDirectory(dir=plan.folder) as fast,
-        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
-    ):
-        yield farm
 
 
 def _add_load(
@@ -141,7 +94,11 @@ def _add_load(
     render_s: float,
     monitors: int = 1,
 ) -> None:
-    with _control_plane(plan, monitors) as farm:
+    with (
+        tempfile.TemporaryDirectory() as disk,
+        tempfile.TemporaryDirectory(dir=plan.folder) as fast,
+        ControlPlane(Path(disk), Path(fast) / "blobs", monitors=monitors) as farm,
+    ):
         farm.add_jobs(jobs)
         with farm.workers(workers, render_s=render_s, size=plan.size) as done:
             time.sleep(1.5 * render_s + plan.warm_s)
@@ -156,9 +113,6 @@ def _add_load(
         "committed": len(slices) / spent.at,
         "merged": spent.merged / spent.at,
         "Redis": spent.redis_cpu_s / spent.at,
-        "Redis, commands": spent.commands / spent.at,
-        "Redis, scripts": spent.scripts / spent.at,
-        "Redis, of a slice": 1e6 * spent.redis_cpu_s / max(1, len(slices)),
         "monitors": spent.monitors_cpu_s / spent.at,
         **_latencies(slices),
     }
@@ -173,59 +127,8 @@ def _latencies(slices: Sequence[Slice]) -> dict[str, float]:
     return values
 
 
-def costs(farm: ControlPlane, *, jobs: int, turns: int) -> Costs:
-    """Return the cost of each request.
-
-    The control plane has no monitors and no jobs; this many `jobs` wait during the measurement.
-    Each request is made `turns` times.
-    """
-    owners, queue = Ownerships(farm.client, lease_s=600), SliceQueue(farm.client, "one", 600)
-    owned: list[Ownership] = []
-    for _ in range(jobs):
-        one = owners.acquire(farm.add_job())
-        if one is None:
-            raise AssertionError("somebody owns a new job")
-        owners.plan(one, range(turns))
-        owned.append(one)
-    leases: list[Lease] = []
-
-    def lease(_: int) -> None:
-        found = queue.lease(_VARIANTS, None, in_turn=False)
-        if found is None:
-            raise AssertionError("there is nothing to lease")
-        leases.append(found)
-
-    def commit(turn: int) -> None:
-        blob = f"jobs/{leases[turn].job_id}/partials/{turn:06d}-one-1.exr"
-        record = made_up_record(
-            leases[turn], blob=blob, sha256="0" * 64, worker="one", render_s=1.0
-        )
-        queue.commit(leases[turn], record, width=16, height=16, notes=())
-
-    first = owned[0]
-    requests: dict[str, Callable[[int], object]] = {
-        "lease a slice": lease,
-        "heartbeat with one lease": lambda turn: queue.heartbeat({"id": "one"}, (leases[turn],)),
-        "commit a slice": commit,
-        "monitor: read a job": lambda _: farm.jobs.get(first.job_id),
-        "monitor: plan": lambda turn: owners.plan(first, range(turns + turn + 1)),
-        "monitor: read what is committed": lambda _: owners.committed(first.job_id, range(16)),
-        "monitor: a point of the curve": lambda turn: owners.append_point(
-            first, 100 * (turn + 1), _POINT
-        ),
-    }
-    found = {}
-    for name, request in requests.items():
-        before = farm.sample()
-        for turn in range(turns):
-            request(turn)
-        spent = farm.sample().since(before)
-        found[name] = 1e6 * spent.redis_cpu_s / turns, spent.log_bytes / turns
-    return found
-
-
 def tables(plan: Plan, found: Found) -> dict[str, Table]:
-    """Return the tables: the machine, requests, workers and jobs, rates, idleness."""
+    """Return the tables: the machine, workers and jobs, rates."""
 
     def cell(load: str, names: Sequence[str]) -> str:
         values = [found.loads[load].get(name) for name in names]
@@ -241,29 +144,22 @@ def tables(plan: Plan, found: Found) -> dict[str, Table]:
         ]
         return [[head, *(f"{jobs} jobs" for jobs in plan.jobs)], *rows]
 
-    def rows(names: Sequence[str], ends: tuple[str, ...]) -> Table:
-        loads = [load for load in found.loads if any(end in load for end in ends)]
+    def rows(names: Sequence[str]) -> Table:
+        loads = [load for load in found.loads if "asked" in load]
         return [[load, *(cell(load, [name]) for name in names)] for load in loads]
 
-    asked = [[name, *(f"{value:.3g}" for value in one)] for name, one in found.costs.items()]
     periods = {
         "a slice renders for": f"{plan.render_s:g} s",
         "measured for": f"{plan.seconds:g} s",
     }
     rates = ("committed", "merged", "Redis", "monitors", "commit: median", "commit: p99")
-    idle = ("Redis", "Redis, commands", "Redis, scripts", "monitors")
     head = ["committed, 1/s", "merged, 1/s", "Redis, cores", "monitors, cores"]
     return {
         "scale-machine": machine_table(periods, found.others),
-        "scale-costs": [["", "Redis, µs", "its log, bytes"], *asked],
         **{name: grid(*about) for name, about in _GRIDS.items()},
         "scale-rates": [
             [f"{max(plan.workers)} workers", *head, "commit, median, ms", "p99, ms"],
-            *rows(rates, ("asked",)),
-        ],
-        "scale-idle": [
-            ["", "Redis, cores", "its commands, 1/s", "its scripts, 1/s", "monitor, cores"],
-            *rows(idle, (" idle workers", " waiting jobs")),
+            *rows(rates),
         ],
     }
 

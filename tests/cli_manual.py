@@ -63,14 +63,8 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ),
     (
         "Administer a farm",
-        (
-            "Keys and Redis users decide who may do what, and `scale` runs workers in a batch "
-            "system."
-        ),
-        (
-            *("keys create", "keys list", "keys rotate", "keys revoke"),
-            *("redis-acl", "scale slurm"),
-        ),
+        "Keys and Redis users decide who may do what.",
+        ("keys create", "keys list", "keys rotate", "keys revoke", "redis-acl"),
     ),
 )
 

@@ -41,9 +41,6 @@ class Sample:
 
     at: float
     redis_cpu_s: float
-    commands: float  #: those of scripts included
-    scripts: float  #: runs
-    log_bytes: float  #: written by Redis
     monitors_cpu_s: float
     merged: float  #: slices of the images that were judged
 
@@ -59,13 +56,7 @@ class ControlPlane:
     Every write to Redis is on disk before it is answered, as always in Plateau.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        blobs: Path,
-        *,
-        monitors: int = 1,
-    ) -> None:
+    def __init__(self, folder: Path, blobs: Path, *, monitors: int = 1) -> None:
         self._folder, self.blobs, self._count = folder, str(blobs), monitors
         self._monitors: list[psutil.Process] = []
         self._over = ExitStack()
@@ -106,17 +97,13 @@ class ControlPlane:
         self._monitors.append(psutil.Process(process.pid))
         return process
 
-    def add_jobs(self, count: int) -> float:
-        """Create jobs; return the seconds until slices of all of them were planned."""
-        started = time.monotonic()
+    def add_jobs(self, count: int) -> None:
+        """Create jobs, and wait until slices of all of them are planned."""
         with ThreadPoolExecutor(_HANDS) as hands:
-            made = list(hands.map(lambda _: self.add_job(), range(count)))
-        if self._count:
-            self.wait(lambda: all(self.client.hget(keys.job(one), "planned") or 0 for one in made))
-        return time.monotonic() - started
+            made = list(hands.map(lambda _: self._add_job(), range(count)))
+        self.wait(lambda: all(self.client.hget(keys.job(one), "planned") or 0 for one in made))
 
-    def add_job(self) -> str:
-        """Create a job; return its id."""
+    def _add_job(self) -> str:
         return self.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job.id
 
     @contextmanager
@@ -143,18 +130,11 @@ class ControlPlane:
 
     def sample(self) -> Sample:
         """Return the costs so far."""
-        pipe = self.client.pipeline(transaction=False)
-        for section in ("cpu", "commandstats", "persistence"):
-            pipe.info(section)
-        cpu, commands, persistence = pipe.execute()
-        scripts = commands.get("cmdstat_evalsha", {"calls": 0})
+        cpu = self.client.info("cpu")
         spent = [process.cpu_times() for process in self._monitors]
         return Sample(
             at=time.monotonic(),
             redis_cpu_s=cpu["used_cpu_user"] + cpu["used_cpu_sys"],
-            commands=sum(one["calls"] for one in commands.values()),
-            scripts=scripts["calls"],
-            log_bytes=persistence["aof_current_size"],
             monitors_cpu_s=sum(one.user + one.system for one in spent),
             merged=self._merged(),
         )

@@ -47,7 +47,7 @@ class Crew:
 
 @dataclass(frozen=True)
 class Slice:
-    """A slice that was committed: when, by the monotonic clock, and how long each step took."""
+    """When a slice was committed, by the monotonic clock, and how long each step took."""
 
     at: float
     lease_s: float
@@ -102,8 +102,11 @@ class _Worker:
         name = blobs.partial(lease.job_id, lease.index, f"{self.id}-{lease.tries}")
         self._store.put(name, self._content)
         stored = time.monotonic()
-        record = made_up_record(
-            lease,
+        record = SliceRecord(
+            index=lease.index,
+            spp=lease.spec.slice_spp,
+            first_seed=10 * lease.index,  # no other slice has its seeds
+            last_seed=10 * lease.index + 2,
             blob=name,
             sha256=self._sha256,
             worker=self.id,
@@ -142,35 +145,19 @@ def about(worker: str, started_at: str, held: Lease | None, slices_done: int) ->
     }
 
 
-def made_up_record(
-    lease: Lease, *, blob: str, sha256: str, worker: str, render_s: float
-) -> SliceRecord:
-    """Return the record of a slice that nobody rendered; no other has its seeds."""
-    return SliceRecord(
-        index=lease.index,
-        spp=lease.spec.slice_spp,
-        first_seed=10 * lease.index,
-        last_seed=10 * lease.index + 2,
-        blob=blob,
-        sha256=sha256,
-        worker=worker,
-        render_s=render_s,
-    )
-
-
-def made_up_partial(*, width: int, height: int, spp: int, variant: str) -> bytes:
-    """Return the EXR of a partial of grey noise."""
-    picture = Picture(AnalyticScene(width=width, height=height, light="grey"))
+def made_up_partial(size: int) -> bytes:
+    """Return the EXR of a square partial of grey noise."""
+    picture = Picture(AnalyticScene(width=size, height=size, light="grey"))
     return encode_partial(
         Partial(
             job_id="simulated",
             index=0,
             first_seed=0,
             last_seed=2,
-            spp=spp,
-            variant=variant,
+            spp=25,
+            variant=_VARIANTS[0],
             scene_sha256="0" * 64,
-            pixels=picture.film(spp, seed=0),
+            pixels=picture.film(25, seed=0),
         )
     )
 
@@ -188,7 +175,7 @@ def main() -> None:
     """Work until standard input ends, then write the slices to standard output as JSON."""
     crew, stop = Crew(**json.loads(sys.argv[1])), Stop()
     # The same for every slice: no rule is to be satisfied.
-    content = made_up_partial(width=crew.size, height=crew.size, spp=25, variant=_VARIANTS[0])
+    content = made_up_partial(crew.size)
     workers = [_Worker(crew, number, content, stop) for number in range(crew.workers)]
     for worker in workers:
         worker.connect()

@@ -12,7 +12,7 @@ from typing import Final
 # isort: off
 from plateau.commands import render, dataset, serve, doctor, submit, watch, listing, show  # noqa: F401
 from plateau.commands import fetch, steer, farm, diff, judge  # noqa: F401
-from plateau.commands import keys, sweep, scale, redis_acl  # noqa: F401
+from plateau.commands import keys, sweep, redis_acl  # noqa: F401
 
 # isort: on
 from plateau.commands.app import app

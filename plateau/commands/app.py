@@ -53,7 +53,6 @@ _EXTRAS: Final[dict[str, str]] = {
     "keys": "farm",
     "monitor": "service",
     "redis-acl": "farm",
-    "scale": "farm",
     "worker": "worker",
 }
 

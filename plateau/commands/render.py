@@ -39,16 +39,18 @@ def render(
         int | None,
         typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
     ] = None,
+    on: o.On = None,
     no_curve: o.NoCurve = False,
     as_json: o.Json = False,
 ) -> None:
-    """Render one scene on this machine until it has converged.
+    """Render one scene until it has converged, on this machine or on nodes of a cluster.
 
     For example:
       plateau render scenes:box -o out -D width=512 -D height=512
       plateau render scene.xml --rule fixed --spp 400
       plateau render scene.xml --allocation zones
       plateau render scene.xml --denoise oidn
+      plateau render scene.xml --workers 8 --on "slurm --partition=cpu --time=2:00:00"
 
     Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
     difference.png (pixels that have changed since the first image), noise.png (pixels whose noise
@@ -65,7 +67,7 @@ def render(
     from plateau.processes.interrupts import Interrupts
     from plateau.rendering.own_farm import checked_settings, render_alone
 
-    settings = checked_settings(scene, spec)
+    settings = checked_settings(scene, spec, on)
 
     def progress(_: "Client") -> "Progress":
         from rich.console import Console
@@ -89,6 +91,7 @@ def render(
                 interrupts,
                 workers=workers,
                 threads=threads,
+                on=on,
                 progress=progress,
                 fetch=write,
             )

@@ -91,7 +91,7 @@ def _job(client: "Client", job_id: str, out: Path | None, *, as_json: bool, curv
             client.job(job_id)  # make no folder for an unknown job
             stack.enter_context(ready(out))
         try:
-            job = follow(client, job_id, shown, lambda: None)
+            job = follow(client, job_id, shown, lambda _: None)
         except KeyboardInterrupt:
             tell(f"no longer watching; job {job_id} continues")
             raise

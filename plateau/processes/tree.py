@@ -88,11 +88,13 @@ class Tree:
     #: Deaths of a process in a row, each soon after its start, that fail the tree; None: no limit.
     most_deaths: int | None
     is_temporary: bool = False  #: the data folder is removed with the tree
+    secret: str = ""  #: with which other machines reach the embedded Redis, at `redis_port`
 
     def __post_init__(self) -> None:
         self.url = ""
         self.blobs = self.settings.blobs or str(self.data.blobs.absolute())
         self.redis_url = self.settings.redis_url or ""
+        self.redis_port = 0  # of the embedded Redis, where there is a secret
         self._redis: EmbeddedRedis | None = None
         self._redis_backoff = Backoff(0.5, 30.0)
         self._redis_start_at = 0.0  # restart it not before this
@@ -178,8 +180,8 @@ class Tree:
         if self.workers:
             needed_libraries.check()
         if self.settings.redis_url is None:
-            self._redis = EmbeddedRedis(self.data.redis, wait=False)
-            self.redis_url = self._redis.url
+            self._redis = EmbeddedRedis(self.data.redis, wait=False, secret=self.secret)
+            self.redis_url, self.redis_port = self._redis.url, self._redis.port
         if self.is_temporary:  # Redis is ready before the others first connect
             self._start_members()
             self._await_redis()

@@ -22,8 +22,12 @@ _WITHOUT_EVENT_S: Final = 10.0
 _CANCEL_S: Final = 300.0
 
 
-def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
-    """The job once it is finished; `tick` is called a few times a second, in this thread."""
+#: Called a few times a second with the job as it was last fetched.
+Tick = Callable[[JobView], None]
+
+
+def follow(client: Client, job_id: str, shown: Progress, tick: Tick) -> JobView:
+    """The job once it is finished; `tick` is called in this thread."""
     happened: queue.SimpleQueue[Event | Exception | None] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -39,7 +43,7 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
         job, fetched_at = _fetch(client, job_id, shown)
         shown_at, is_stale = fetched_at, False
         while True:
-            tick()
+            tick(job)
             try:
                 item = happened.get(timeout=_TICK_S)
             except queue.Empty:
@@ -63,13 +67,11 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
     return job
 
 
-def cancelling(
-    client: Client, job_id: str, interrupts: Interrupts, shown: Progress
-) -> Callable[[], None]:
+def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progress) -> Tick:
     """A tick for `follow`: an interrupt cancels the job; a second or a long wait raises."""
     asked_at = math.inf
 
-    def tick() -> None:
+    def tick(_: JobView) -> None:
         nonlocal asked_at
         if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
             raise KeyboardInterrupt

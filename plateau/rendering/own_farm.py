@@ -1,10 +1,12 @@
-"""A process tree of one's own: for one job, from a scene to its results, or for many."""
+"""A farm of one's own: processes of this machine, and workers here or on an engine's nodes."""
 
 import os
+import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -24,6 +26,7 @@ from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
     from plateau.client import Client
+    from plateau.engines.fleet import Fleet
     from plateau.farm.process.settings import Settings
     from plateau.farm.wire.views import JobView
     from plateau.terminal.progress import Progress
@@ -37,7 +40,7 @@ _PATIENCE_S: Final = 60.0
 _Fetched = TypeVar("_Fetched")
 
 
-def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
+def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Settings":
     """The settings of the environment, once all is checked that can be before a start.
 
     Raises
@@ -45,9 +48,10 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     BundleError
         The scene cannot be packed or is not allowed.
     CommandFailed
-        This machine lacks the variant, or folders or open files; a rule cannot judge the image.
+        This machine lacks the variant, or folders or open files; a rule cannot judge the image;
+        there is no such engine.
     """
-    settings = settings_here()
+    settings = settings_here(on)
     parameters = spec.parameter_strings()
     limits = BundleLimits(plugins=known_plugins(settings.plugins))
     with pack(scene, parameters) as packed:
@@ -60,14 +64,19 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    check_variant(variant, settings.cache)
+    if on is None:
+        check_variant(variant, settings.cache)
     return settings
 
 
-def settings_here() -> "Settings":
+def settings_here(on: str | None = None) -> "Settings":
     """The settings of the environment; raises `CommandFailed` where a farm cannot start here."""
+    if on is not None:
+        from plateau.engines.start import named
+
+        named(on)
     settings = read_settings()
-    check_ground(settings, caches=True, has_redis=True)
+    check_ground(settings, caches=on is None, has_redis=True)
     return settings
 
 
@@ -80,6 +89,106 @@ def workers_for(variant: str) -> int:
     return (len(cards("uuid")) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
 
 
+@dataclass(eq=False)
+class OwnFarm:
+    """A farm of one's own: the processes of this machine, and the nodes of an engine."""
+
+    _tree: Tree
+    _fleet: "Fleet | None"
+    _tell: Callable[[str], None]
+
+    def check(self) -> None:
+        """Restart what died, and pass on news; call it a few times a second.
+
+        Raises `PlateauError` where a process of this machine dies again and again, or no node can
+        work.
+        """
+        self._tree.check()
+        if self._fleet is not None:
+            self._fleet.check(self._tell)
+
+    def has_nodes(self) -> bool:
+        """Whether a worker of an engine's has come."""
+        return self._fleet is not None and self._fleet.heard
+
+    def give_back(self) -> None:
+        """Give the engine's nodes back at once: nothing more is to be rendered."""
+        if self._fleet is not None:
+            self._fleet.give_back()
+
+    def wind_down(self) -> None:
+        """Ask all but Redis to stop, without a wait; call no `check` afterwards."""
+        self.give_back()
+        self._tree.wind_down()
+
+
+@contextmanager
+def own_farm(
+    settings: "Settings",
+    interrupts: Interrupts,
+    spec: JobSpec,
+    *,
+    workers: int,
+    threads: int | None,
+    tell: Callable[[str], None],
+    on: str | None = None,
+) -> Iterator[tuple[OwnFarm, "Client"]]:
+    """A farm for as long as the context lasts, and its client; call its `check` often.
+
+    Parameters
+    ----------
+    settings
+        Those of `checked_settings` or `settings_here`.
+    interrupts
+        The first one ends the start by `KeyboardInterrupt`; the second one forces the stop.
+    spec
+        The workers fit it, whatever the settings say.
+    workers, threads
+        Number of workers, and threads of each; None for the machine's cores, shared by the workers,
+        or those that the engine gives.
+    tell
+        Called with a line about each process that is started again, and news of the nodes.
+    on
+        The engine that brings the workers, and its options: ``slurm --partition=cpu``; None for
+        this machine. See `plateau.engines`.
+    """
+    alone = settings.model_copy(
+        update={
+            "redis_url": None,
+            "blobs": None,
+            "threads": threads or (settings.threads if on is None else None),
+            "pool": spec.pool,
+            "tags": spec.requires,
+        }
+    )
+    with ExitStack() as stack:
+        data = stack.enter_context(_temporary_data())
+        tree = Tree(
+            alone,
+            data,
+            interrupts,
+            workers=workers if on is None else 0,
+            door=Door(open_to_all=True),  # only this process knows its port
+            tell=tell,
+            most_deaths=_MOST_DEATHS,
+            is_temporary=True,
+            secret="" if on is None else secrets.token_hex(16),
+        )
+        stack.enter_context(tree)
+        fleet = None
+        # These imports take place while the tree's processes start.
+        if on is not None:
+            from plateau.engines.start import nodes
+
+            fleet = stack.enter_context(nodes(on, tree, workers))
+        import plateau.rendering.outputs
+        import plateau.terminal.progress  # noqa: F401
+        from plateau.client import Client
+
+        client = stack.enter_context(Client(tree.await_api(), patience_s=_PATIENCE_S))
+        yield OwnFarm(tree, fleet, tell), client
+
+
 def render_alone(
     scene: Path,
     spec: JobSpec,
@@ -88,6 +197,7 @@ def render_alone(
     *,
     workers: int,
     threads: int | None,
+    on: str | None,
     progress: Callable[["Client"], "Progress"],
     fetch: Callable[["Client", "JobView", Callable[[], None]], _Fetched],
 ) -> tuple["JobView", _Fetched]:
@@ -100,8 +210,8 @@ def render_alone(
     interrupts
         The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
         before the job is submitted.
-    workers, threads
-        Number of workers, and threads of each; None for the machine's cores, shared by the workers.
+    workers, threads, on
+        As for `own_farm`.
     progress
         Makes what shows the job.
     fetch
@@ -117,64 +227,11 @@ def render_alone(
         workers=workers,
         threads=threads,
         tell=lambda line: shown.note(line),
-    ) as (tree, client):
+        on=on,
+    ) as (farm, client):
         shown = progress(client)
-        job = _run(client, scene, spec, tree, interrupts, shown)
-        return job, fetch(client, job, tree.wind_down)
-
-
-@contextmanager
-def own_farm(
-    settings: "Settings",
-    interrupts: Interrupts,
-    spec: JobSpec,
-    *,
-    workers: int,
-    threads: int | None,
-    tell: Callable[[str], None],
-) -> Iterator[tuple[Tree, "Client"]]:
-    """A farm for as long as the context lasts, and its client; call the tree's `check` often.
-
-    Parameters
-    ----------
-    settings
-        Those of `checked_settings`.
-    spec
-        The workers fit it, whatever the settings say.
-    workers, threads
-        As for `render_alone`.
-    tell
-        Called with a line about each process that is started again.
-    """
-    alone = settings.model_copy(
-        update={
-            "redis_url": None,
-            "blobs": None,
-            "threads": threads or settings.threads,
-            "pool": spec.pool,
-            "tags": spec.requires,
-        }
-    )
-    with (
-        _temporary_data() as data,
-        Tree(
-            alone,
-            data,
-            interrupts,
-            workers=workers,
-            door=Door(open_to_all=True),  # only this process knows its port
-            tell=tell,
-            most_deaths=_MOST_DEATHS,
-            is_temporary=True,
-        ) as tree,
-    ):
-        # These imports take place while the tree's processes start.
-        import plateau.rendering.outputs
-        import plateau.terminal.progress  # noqa: F401
-        from plateau.client import Client
-
-        with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
-            yield tree, client
+        job = _run(client, scene, spec, farm, interrupts, shown)
+        return job, fetch(client, job, farm.wind_down)
 
 
 def check_variant(variant: str, cache: Path) -> None:
@@ -202,7 +259,7 @@ def _run(
     client: "Client",
     scene: Path,
     spec: JobSpec,
-    tree: Tree,
+    farm: OwnFarm,
     interrupts: Interrupts,
     shown: "Progress",
 ) -> "JobView":
@@ -213,10 +270,18 @@ def _run(
     if not are_compiled():
         shown.note("compiling the model of vision, once on this machine: it takes half a minute")
     cancel_if_asked = cancelling(client, job.id, interrupts, shown)
+    waits_for: str | None = None
 
-    def tick() -> None:
-        tree.check()
-        cancel_if_asked()
+    def tick(job: "JobView") -> None:
+        nonlocal waits_for
+        if job.state.ended:  # its results are still to come
+            farm.give_back()
+        elif job.waits_for and farm.has_nodes() and not waits_for:
+            waits_for = client.job(job.id).waits_for
+            if waits_for:  # none of the workers that have come can render it
+                shown.note(f"the job {waits_for}")
+        farm.check()
+        cancel_if_asked(job)
 
     return follow(client, job.id, shown, tick)
 

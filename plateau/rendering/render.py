@@ -40,6 +40,7 @@ def render(
     out: Path | str | None = None,
     workers: int = 1,
     threads: int | None = None,
+    on: str | None = None,
     progress: bool = True,
     **fields: Any,
 ) -> Result:
@@ -67,6 +68,9 @@ def render(
         A folder for all results, the kept slices included; None for none.
     workers, threads
         Workers on this machine, and the threads of each; None shares the cores among them.
+    on
+        A batch system whose nodes are to have the workers, and its options:
+        ``"slurm --partition=cpu --time=2:00:00"`` or ``"ray --num-gpus=1"``; None for this machine.
     progress
         Whether to show the image, the curve and the noise left in a notebook, or lines in a
         terminal, on standard error.
@@ -122,7 +126,7 @@ def render(
         if farm is None:
             from plateau.rendering.own_farm import checked_settings, render_alone
 
-            settings = checked_settings(file, asked)
+            settings = checked_settings(file, asked, on)
             _, result = render_alone(
                 file,
                 asked,
@@ -130,6 +134,7 @@ def render(
                 interrupts,
                 workers=workers,
                 threads=threads,
+                on=on,
                 progress=shown,
                 fetch=fetch,
             )

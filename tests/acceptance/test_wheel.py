@@ -68,7 +68,7 @@ NEEDS = {
     "keys list": "farm",
     "gc": "farm",
     "redis-acl": "farm",
-    "scale slurm --max 1": "farm",
+    "render scenes:box --on slurm": "all",
 }
 #: What can be imported with each extra: whole packages, and modules.
 BRINGS = {
@@ -169,7 +169,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         # But the types that check the page's scripts, and what is installed in Blender.
         if path.is_file() and not path.name.endswith(".d.ts") and "addon" not in path.parts
     }
-    assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
+    assert {"plateau/py.typed", "plateau/engines/slurm/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
     assert "plateau/metric/cvvdp/castle_csf.json" in files
     with zipfile.ZipFile(wheel) as archive:

@@ -140,6 +140,16 @@ install_network() {
   command -v ip >/dev/null && command -v iptables-legacy >/dev/null || apt_install iproute2 iptables
 }
 
+# Ray, in an environment of its own beside .venv: seconds, and 1 GB that are mostly shared with .venv's.
+install_ray() {
+  local wanted; wanted=$(cat pyproject.toml constraints.txt | cksum)
+  [ "$(cat .cluster-tools/ray/made-from 2>/dev/null)" != "$wanted" ] || return 0
+  say "making .cluster-tools/ray"
+  fetch .venv/bin/uv venv -q --clear --python .venv/bin/python .cluster-tools/ray
+  fetch .venv/bin/uv pip install -q --python .cluster-tools/ray/bin/python -c constraints.txt -e '.[ray]'
+  echo "$wanted" > .cluster-tools/ray/made-from
+}
+
 # An S3 server; and for the long form another one (minutes to build).
 install_s3() {
   go_tool versitygw github.com/versity/versitygw/cmd/versitygw@v1.8.0

@@ -6,6 +6,8 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -173,6 +175,10 @@ class Slurm:
         slurmd.wait()
         psutil.wait_procs(family, timeout=30)
 
+    def processes(self) -> list[psutil.Process]:
+        """Every process of a job on any node."""
+        return [one for node in NODES for one in self._family(node)]
+
     def _family(self, node: str) -> list[psutil.Process]:
         """What a node has started: its jobs, all that those have started, and their keepers."""
         found: dict[int, psutil.Process] = {}
@@ -225,3 +231,12 @@ class Slurm:
                 stderr=log,
                 start_new_session=True,
             )
+
+
+if __name__ == "__main__":  # runs a command beside such a Slurm: python -m … COMMAND
+    with tempfile.TemporaryDirectory() as made:
+        Path(made).chmod(0o755)
+        path = f"{os.environ['PATH']}:/usr/sbin:/sbin"
+        with Slurm(Path(made), lambda name: Path(shutil.which(name, path=path) or name)) as slurm:
+            done = subprocess.run(sys.argv[1:], env={**os.environ, **slurm.environment})
+    sys.exit(done.returncode)

@@ -1,20 +1,29 @@
-"""A farm whose workers are Slurm's: they come for a job and leave after it, and nothing is lost.
+"""Workers by Slurm: a command that brings them for its run, and tasks by hand for a service.
 
-Real Slurm, two nodes, real signals; Redis, API and monitor run beside it, on a machine of the farm.
+Real Slurm, two nodes, real signals. The command's own machine is not one of the nodes.
 """
 
-import json
+import re
 import signal
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
-from plateau.farm.ledger.totals import take_census
+from tests.cluster.support_engines import (
+    ENDLESS_JOB,
+    JOB,
+    UNFIT,
+    Result,
+    Run,
+    alone,
+    commands,
+    interpreter,
+    result_of,
+)
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
@@ -38,25 +47,149 @@ SPEC: dict[str, Any] = {
 #: Goes on for as long as a test may.
 ENDLESS = SPEC | {"max_spp": 500_000, "rule": {"name": "fixed", "spp": 500_000}}
 
-#: A scaler in a hurry.
-HASTY = ("--every", "0.3", "--calm", "2", "--idle", "1", "--cpus", "2")
+long = pytest.mark.long_form
 
 
-@pytest.fixture(scope="session")
-def slurm(tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path]) -> Iterator[Slurm]:
+@pytest.fixture(scope="module")
+def cluster(
+    tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path]
+) -> Iterator[Slurm]:
     with Slurm(tmp_path_factory.mktemp("s"), tool) as cluster:
         yield cluster
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
+def slurm(cluster: Slurm) -> Iterator[Slurm]:
+    """It is empty after each test."""
+    yield cluster
+    cluster.run("scancel", "--user=root")
+    until(lambda: not cluster.jobs())
+
+
+@pytest.fixture(scope="module")
+def by_itself(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return alone(tmp_path_factory.mktemp("alone"))
+
+
+class TestOneCommand:
+    """`plateau render --on slurm`."""
+
+    @pytest.fixture
+    def run(self, slurm: Slurm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
+        monkeypatch.chdir(tmp_path)  # where the logs of the tasks are
+        with commands(tmp_path, "slurm", **slurm.environment) as run:
+            yield run
+
+    def test_brings_workers_outlives_a_node_and_gives_all_back(
+        self, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
+    ) -> None:
+        command = run("--workers", "2", "--threads", "2")
+        # A worker comes to each node, and says so
+        until(lambda: len(slurm.jobs("--states=RUNNING")) == 2, complaint=lambda: command.said)
+        assert {slurm.node_of(task) for task in slurm.jobs()} == set(NODES)
+        command.wait_for(r"\b200 spp")
+        # If a node dies in the middle of its slices
+        slurm.kill_node("n1")
+        # Then the other one does the rest, and the image and the curve are those of one worker
+        assert result_of(command, tmp_path / "out") == by_itself
+        # And Slurm has its nodes back, and nothing is left here
+        until(lambda: not slurm.jobs())
+        command.is_gone()
+        assert [path.name for path in tmp_path.iterdir() if path.suffix == ".log"] == []
+        slurm.start_node("n1")
+        until(lambda: slurm.states() == dict.fromkeys(NODES, "idle"), every_s=0.1)
+
+    @pytest.mark.parametrize("node", UNFIT)
+    def test_a_node_that_cannot_work_ends_it_at_once(
+        self, node: str, run: Run, slurm: Slurm, tmp_path: Path
+    ) -> None:
+        program, words = UNFIT[node]
+        python = interpreter(tmp_path, program)
+        command = run("--workers", "2", PLATEAU_PYTHON=python)
+        assert command.exit_code() == 1
+        assert "no node can work for this run: n" in command.said
+        assert re.search(words, command.said), command.said
+        until(lambda: not slurm.jobs())
+        command.is_gone()
+
+    def test_says_what_it_waits_for_and_gives_the_place_in_the_queue_back(
+        self, run: Run, slurm: Slurm
+    ) -> None:
+        slurm.run("sbatch", "--exclusive", "--nodes=2", "--output=/dev/null", "--wrap=sleep 600")
+        until(lambda: list(slurm.jobs().values()) == ["RUNNING"])
+        command = run("--workers", "2")
+        command.wait_for(r"nodes: 0 of 2 workers run; 2 wait \((Resources|Priority)")
+        command.process.send_signal(signal.SIGINT)
+        assert command.exit_code() == 130
+        until(lambda: list(slurm.jobs().values()) == ["RUNNING"])
+        command.is_gone()
+
+    @pytest.mark.parametrize("how", ["is killed", pytest.param("loses its machine", marks=long)])
+    def test_when_the_front_dies_the_nodes_end_their_work(
+        self, how: str, run: Run, slurm: Slurm
+    ) -> None:
+        command = run("--workers", "2", job=ENDLESS_JOB)
+        command.wait_for(r"\b200 spp")
+        workers = slurm.processes()
+        assert len(workers) >= 4  # two supervisors, and their render children
+        if how == "is killed":
+            command.process.kill()
+        else:  # nobody is left who could tell Slurm
+            for one in [psutil.Process(command.process.pid), *command.family()]:
+                one.kill()
+        # Who is killed has somebody who tells Slurm; else it takes half a minute of silence
+        until(lambda: not slurm.jobs(), 25 if how == "is killed" else 60)
+        psutil.wait_procs(workers, timeout=60)
+        assert not any(one.is_running() for one in workers)
+        command.is_gone()
+
+    @pytest.mark.long_form
+    def test_replaces_who_leaves_and_not_who_was_cancelled(self, run: Run, slurm: Slurm) -> None:
+        command = run("--workers", "2", job=ENDLESS_JOB)
+        command.wait_for(r"\b200 spp")
+        first, second = slurm.jobs()
+        # A controller that is away for a while is waited for
+        slurm.stop_controller()
+        command.wait_for("Slurm's squeue failed: .*; trying again")
+        slurm.start_controller()
+        # As before a time limit
+        slurm.run("scancel", "--batch", "--signal=TERM", first)
+        until(lambda: first not in slurm.jobs() and len(slurm.jobs("--states=RUNNING")) == 2)
+        # Somebody wants no more of it
+        slurm.run("scancel", second)
+        until(lambda: second not in slurm.jobs())
+        (third,) = slurm.jobs()
+        slurm.run("scancel", third)
+        assert command.exit_code() == 1
+        assert "somebody cancelled all workers of this run" in command.said
+        assert slurm.jobs() == {}
+
+    @pytest.mark.long_form
+    def test_says_what_no_node_that_came_can_do(self, run: Run) -> None:
+        job = tuple("cuda_ad_rgb" if one == "scalar_rgb" else one for one in JOB)
+        command = run("--workers", "1", job=job)
+        command.wait_for(r"the job waits for .*cuda_ad_rgb")
+        command.process.send_signal(signal.SIGINT)
+        assert command.exit_code() == 130
+
+    @pytest.mark.long_form
+    def test_quotes_what_slurm_refuses(self, run: Run, slurm: Slurm) -> None:
+        command = run("--on", "slurm --partition=nowhere")
+        assert command.exit_code() == 1
+        assert "Slurm's sbatch failed: " in command.said
+        assert "invalid partition specified: nowhere" in command.said
+        command.is_gone()
+
+
+@pytest.fixture(scope="module")
 def shared_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, slurm: Slurm
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, cluster: Slurm
 ) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache, **slurm.environment) as farm:
+    with RealFarm(tmp_path_factory.mktemp("farm"), cache, **cluster.environment) as farm:
         yield farm
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def undisturbed(shared_farm: RealFarm) -> Outcome:
     """What one worker makes of the job, without Slurm."""
     shared_farm.start("monitor")
@@ -68,61 +201,12 @@ def undisturbed(shared_farm: RealFarm) -> Outcome:
 
 @pytest.fixture
 def farm(shared_farm: RealFarm, undisturbed: Outcome, slurm: Slurm) -> Iterator[RealFarm]:
-    """The farm with a monitor and no worker; Slurm is empty before and after."""
+    """The farm with a monitor and no worker."""
     shared_farm.start("monitor")
     yield shared_farm
     shared_farm.stop_all()
     slurm.run("scancel", "--user=root")
-    until(lambda: not slurm.jobs())
     until(lambda: not shared_farm.client.workers())
-
-
-class Scaler:
-    """A `plateau scale slurm` under way."""
-
-    def __init__(self, farm: RealFarm, logs: Path, *options: str, **environment: str) -> None:
-        self._said = logs / f"scaler-{time.monotonic_ns()}.jsonl"
-        with self._said.open("wb") as said:
-            self.process = subprocess.Popen(
-                command(logs, *HASTY, *options),
-                env={**farm.environment, **environment},
-                stdout=said,
-                stderr=subprocess.STDOUT,
-            )
-        self.logs = logs
-
-    def words(self) -> str:
-        """All that it has printed."""
-        return self._said.read_text()
-
-    def said(self) -> list[dict[str, Any]]:
-        """Its reports."""
-        lines = self._said.read_text().splitlines()
-        return [json.loads(line) for line in lines if line.startswith("{")]
-
-    def end(self, number: signal.Signals = signal.SIGTERM) -> None:
-        self.process.send_signal(number)
-        assert self.process.wait(60) == 0, self._said.read_text()
-
-
-def command(logs: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "plateau", "scale", "slurm", "--logs", str(logs), *options]
-
-
-@pytest.fixture
-def scale(farm: RealFarm, tmp_path: Path) -> Iterator[Callable[..., Scaler]]:
-    """Starts scalers; none outlives its test."""
-    started: list[Scaler] = []
-
-    def start(*options: str, **environment: str) -> Scaler:
-        started.append(Scaler(farm, tmp_path, "--json", *options, **environment))
-        return started[-1]
-
-    yield start
-    for scaler in started:
-        if scaler.process.poll() is None:
-            scaler.process.kill()
-            scaler.process.wait()
 
 
 def renders(farm: RealFarm, label: str) -> bool:
@@ -131,40 +215,6 @@ def renders(farm: RealFarm, label: str) -> bool:
         worker.label == f"slurm:{label}" and worker.job is not None and worker.slices_done > 0
         for worker in farm.client.workers()
     )
-
-
-def test_workers_come_for_a_job_outlive_a_node_and_leave(
-    farm: RealFarm, slurm: Slurm, scale: Callable[..., Scaler], undisturbed: Outcome, form: str
-) -> None:
-    scaler = scale("--max", "2", "--worth", "0.5")
-    # Nobody is there without work
-    until(lambda: scaler.said() or scaler.process.poll() is not None)
-    assert scaler.said()[0]["wanted"] == 0
-    assert slurm.jobs() == {}
-    # When there is a job, a worker comes to each node
-    job = farm.submit(**SPEC)
-    until(lambda: len(slurm.jobs("--states=RUNNING")) == 2)
-    tasks = list(slurm.jobs())
-    assert {slurm.node_of(task) for task in tasks} == set(NODES)
-    until(lambda: all(renders(farm, task) for task in tasks))
-    # If a node dies in the middle of a slice
-    slurm.kill_node(slurm.node_of(tasks[0]))
-    done = outcome(farm, job.id)
-    # Then the other node has done the rest, and the image is that of one worker
-    assert_same(done, undisturbed)
-    ledger = farm.jobs.ledger(job.id)
-    assert len({record["worker"] for record in ledger.values()}) == 2
-    # And with the work the workers leave, by themselves and cleanly
-    until(lambda: tasks[1] not in slurm.jobs())
-    assert slurm.end_of(tasks[1]) == ("COMPLETED", "0:0")
-    asked = [task for report in scaler.said() for task in report["end"]]
-    assert asked.count(tasks[1]) == 1
-    assert set(asked) <= set(tasks)  # to Slurm the dead node's task ran on for a while
-    slurm.start_node(next(node for node in NODES if slurm.states()[node] != "idle"))
-    if form == "long":
-        # The task that Slurm starts again on that node finds nothing to do, and leaves too
-        until(lambda: not slurm.jobs())
-    scaler.end(signal.SIGINT)
 
 
 class TestAWorker:
@@ -196,32 +246,8 @@ class TestAWorker:
     def troubles(farm: RealFarm, job_id: str) -> set[str]:
         return {entry.what for entry in farm.jobs.log(job_id) if entry.what != "committed"}
 
-    @pytest.mark.parametrize(
-        "options", [(), ("--full", "--signal=TERM"), ("--batch", "--signal=TERM")]
-    )
-    def test_gives_its_slice_back_whichever_way_it_is_told(
-        self,
-        options: tuple[str, ...],
-        farm: RealFarm,
-        slurm: Slurm,
-        task: Callable[..., str],
-        undisturbed: Outcome,
-    ) -> None:
-        first = task()
-        job = farm.submit(**SPEC)
-        until(lambda: renders(farm, first))
-        assert farm.client.workers()[0].threads == 1
-        # Without an option all its processes are told, the render child too
-        slurm.run("scancel", *options, first)
-        until(lambda: first not in slurm.jobs())
-        assert slurm.end_of(first)[1].startswith("0:")
-        until(lambda: not farm.client.workers())
-        assert self.troubles(farm, job.id) <= {"handed-back"}
-        task()
-        assert_same(outcome(farm, job.id), undisturbed)
-
-    @pytest.mark.parametrize("how", ["requeued", "pushed aside"])
-    def test_comes_back_when_slurm_takes_its_machine_for_a_while(
+    @pytest.mark.parametrize("how", ["cancelled", "told to leave", "requeued", "pushed aside"])
+    def test_gives_its_slice_back_when_it_loses_its_machine(
         self,
         how: str,
         farm: RealFarm,
@@ -233,16 +259,23 @@ class TestAWorker:
         job = farm.submit(**SPEC)
         until(lambda: renders(farm, only))
         (before,) = farm.client.workers()
+        assert (before.threads, before.label) == (1, f"slurm:{only}")
         if how == "requeued":
             slurm.run("scontrol", "requeue", only)
-        else:
+        elif how == "pushed aside":
             urgent = ("--partition=urgent", "--exclusive", "--nodes=2", "--wrap=sleep 3")
             slurm.run("sbatch", *urgent, "--output=/dev/null")
+        else:  # a cancel tells all its processes, the render child too
+            slurm.run(
+                "scancel", *(["--batch", "--signal=TERM"] if how != "cancelled" else []), only
+            )
+            until(lambda: only not in slurm.jobs())
+            assert slurm.end_of(only)[1].startswith("0:")
+            task()
         until(lambda: any(one.id != before.id for one in farm.client.workers()))
         assert_same(outcome(farm, job.id), undisturbed)
         assert self.troubles(farm, job.id) <= {"handed-back"}
         (after,) = farm.client.workers()
-        assert after.label == before.label == f"slurm:{only}"
         assert {one["worker"] for one in farm.jobs.ledger(job.id).values()} == {before.id, after.id}
 
     def test_leaves_before_its_time_is_over(
@@ -255,90 +288,3 @@ class TestAWorker:
         assert slurm.end_of(only) == ("COMPLETED", "0:0")
         assert self.troubles(farm, job.id) <= {"handed-back"}
         farm.jobs.cancel(job.id)
-
-
-@pytest.mark.long_form
-class TestTheScaler:
-    @pytest.fixture
-    def work(self, farm: RealFarm) -> Iterator[str]:
-        """A job that goes on until the test ends."""
-        job = farm.submit(**ENDLESS)
-        until(
-            lambda: take_census(farm.redis_client).demand_for().slices
-        )  # the monitor has planned some
-        yield job.id
-        farm.jobs.cancel(job.id)
-
-    def test_finds_its_jobs_again_and_cancels_those_that_wait_first(
-        self, farm: RealFarm, slurm: Slurm, scale: Callable[..., Scaler], work: str
-    ) -> None:
-        # Given five workers of which two find a machine
-        first = scale("--max", "5", "--worth", "0.5")
-        until(lambda: sorted(slurm.jobs().values()) == ["PENDING"] * 3 + ["RUNNING"] * 2)
-        tasks = set(slurm.jobs())
-        # If the scaler is killed, and started again
-        first.process.kill()
-        first.process.wait()
-        until(lambda: sum(one.job is not None for one in farm.client.workers()) == 2)
-        second = scale("--max", "5", "--worth", "0.5")
-        until(lambda: any(report["rendering"] == 2 for report in second.said()))
-        # Then it has the same
-        assert set(slurm.jobs()) == tasks
-        assert not any(report["submit"] for report in second.said())
-        # And when less may run, those that wait are cancelled, and those that render stay
-        second.end()
-        third = scale("--max", "2", "--worth", "0.5")
-        until(lambda: list(slurm.jobs().values()) == ["RUNNING"] * 2)
-        # Without work these leave as well
-        farm.jobs.cancel(work)
-        until(lambda: not slurm.jobs())
-        third.end()
-        assert {one for report in third.said() for one in report["drain"]} <= tasks
-
-    def test_can_take_its_workers_along(
-        self, farm: RealFarm, slurm: Slurm, scale: Callable[..., Scaler], work: str
-    ) -> None:
-        scaler = scale("--max", "3", "--worth", "0.5", "--cancel-on-exit")
-        until(lambda: len(slurm.jobs("--states=RUNNING")) == 2)
-        until(lambda: any(worker.job is not None for worker in farm.client.workers()))
-        scaler.end(signal.SIGINT)
-        until(lambda: not slurm.jobs())
-        until(lambda: not farm.client.workers())
-        assert {entry.what for entry in farm.jobs.log(work)} <= {"handed-back", "committed"}
-
-    def test_waits_for_a_controller_that_is_away(
-        self, slurm: Slurm, scale: Callable[..., Scaler], work: str
-    ) -> None:
-        slurm.stop_controller()
-        scaler = scale("--max", "1")
-        until(lambda: "squeue failed" in scaler.words())
-        slurm.start_controller()
-        until(lambda: list(slurm.jobs().values()) == ["RUNNING"])
-        scaler.end()
-
-    def test_says_what_slurm_refuses_and_does_not_try_without_end(
-        self, slurm: Slurm, scale: Callable[..., Scaler], work: str
-    ) -> None:
-        scaler = scale("--max", "1", "--partition", "nowhere")
-        until(lambda: any(report["held_s"] for report in scaler.said()))
-        assert scaler.words().count("invalid partition specified: nowhere") == 1
-        scaler.end()
-        once = scale("--max", "1", "--partition", "nowhere", "--once")
-        assert once.process.wait(60) == 1
-
-    def test_can_look_once_and_only_say_what_it_would_do(
-        self, slurm: Slurm, scale: Callable[..., Scaler], work: str
-    ) -> None:
-        options = ("--max", "1", "--mem", "500M", "--sbatch-option=--nice=5", "--once")
-        trial = scale(*options, "--dry-run")
-        assert trial.process.wait(60) == 0
-        (report,) = trial.said()
-        assert (report["submit"], report["array"], slurm.jobs()) == (1, None, {})
-        assert {"--cpus-per-task=2", "--mem=500M", "--nice=5"} < set(report["command"])
-        # And in earnest, and again while its worker comes
-        for submitted in (1, 0):
-            scaler = scale(*options)
-            assert scaler.process.wait(60) == 0
-            assert [one["submit"] for one in scaler.said()] == [submitted]
-        (task,) = slurm.jobs()
-        assert "Nice=5" in slurm.run("scontrol", "show", "job", task)

@@ -74,6 +74,15 @@ Seen = Annotated[
         autocompletion=complete.places,
     ),
 ]
+On = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ENGINE",
+        help="A cluster whose nodes are to have the workers, with its own options: "
+        "'slurm --partition=cpu --time=2:00:00', as sbatch has them, or 'ray --num-gpus=1'.",
+        show_default="this machine",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 

@@ -14,23 +14,30 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 from urllib.parse import urlsplit
 
 import obstore
-from obstore.store import S3Store
+from obstore.store import HTTPStore, S3Store
 
 from plateau.farm.blobs.errors import is_absence, is_silence
 
 if TYPE_CHECKING:
-    from obstore.store import BackoffConfig, ClientConfig
+    from obstore.store import ClientConfig, RetryConfig
 
 #: A request fails once the store has sent nothing for this long.
-_SILENCE_S: Final = 20.0
-_CONNECT: Final = timedelta(seconds=5)
-#: One request reads a blob of gigabytes; it may take long as long as bytes arrive.
-_WHOLE: Final = timedelta(hours=6)
-_TRIES_AGAIN: Final = 3
-_BACKOFF: "Final[BackoffConfig]" = {
-    "init_backoff": timedelta(milliseconds=100),
-    "max_backoff": timedelta(seconds=2),
-    "base": 2,
+_SILENCE: Final = timedelta(seconds=20)
+TIMES: "Final[ClientConfig]" = {
+    "connect_timeout": timedelta(seconds=5),
+    "read_timeout": _SILENCE,
+    # One request reads a blob of gigabytes; it may take long as long as bytes arrive.
+    "timeout": timedelta(hours=6),
+}
+#: No retry starts after a silence: a call to a silent store fails at its first try.
+RETRIES: "Final[RetryConfig]" = {
+    "max_retries": 3,
+    "retry_timeout": _SILENCE,
+    "backoff": {
+        "init_backoff": timedelta(milliseconds=100),
+        "max_backoff": timedelta(seconds=2),
+        "base": 2,
+    },
 }
 #: A larger blob is uploaded in parts of this size, two at a time: 0.5 MB/s are enough.
 _PART_BYTES: Final = 5 << 20
@@ -61,23 +68,12 @@ class Bucket:
             )
         if parts.scheme != "s3" or not parts.netloc or parts.query or parts.fragment:
             raise ValueError(f"{url} is neither a folder nor of the form s3://BUCKET/PREFIX")
-        silence = timedelta(seconds=_SILENCE_S)
-        self._gate = _Gate()
-        self.store = S3Store(
+        self._gate = Gate()
+        self.store: S3Store | HTTPStore = S3Store(
             parts.netloc,
             prefix=parts.path.strip("/") or None,
-            client_options={
-                "connect_timeout": _CONNECT,
-                "read_timeout": silence,
-                "timeout": _WHOLE,
-                **_of_environment(),
-            },
-            # No retry starts after a silence: a call to a silent store fails at its first try.
-            retry_config={
-                "max_retries": _TRIES_AGAIN,
-                "retry_timeout": silence,
-                "backoff": _BACKOFF,
-            },
+            client_options={**TIMES, **_of_environment()},
+            retry_config=RETRIES,
         )
 
     def put(self, name: str, content: bytes | BinaryIO) -> None:
@@ -144,7 +140,7 @@ def _of_environment() -> "ClientConfig":
     return options
 
 
-class _Gate:
+class Gate:
     """Around small requests: one caller at a time asks a silent store, the others fail at once.
 
     Otherwise requests for pictures would soon hold every thread of the API.

@@ -17,6 +17,7 @@ from plateau.farm.blobs.bucket import Bucket
 from plateau.farm.blobs.errors import is_absence, why
 from plateau.farm.blobs.folder import INCOMING, Folder
 from plateau.farm.blobs.names import MARK
+from plateau.farm.blobs.served import Served
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.scene_roots import at_home
 
@@ -30,6 +31,8 @@ class StoredBlob(NamedTuple):
 
 class Blobs:
     """A folder, or a bucket in S3 with a prefix: ``s3://BUCKET/PREFIX``.
+
+    A node of a batch system has ``http://SECRET@HOST:PORT``, what a run's own process serves.
 
     Every call may be repeated after an error. An error does not say whether the store did the work:
     where that matters, the methods look into the store.
@@ -46,8 +49,7 @@ class Blobs:
 
     def __init__(self, where: str) -> None:
         self.where = where
-        folder = _folder(where)
-        self._place: Bucket | Folder = Bucket(where) if folder is None else Folder(folder)
+        self._place: Bucket | Folder = _place(where)
         self._calls: dict[int, float] = {}  # the threads that wait for the store, since when
         self._marked = isinstance(self._place, Folder) and self._place.has(MARK)
 
@@ -215,12 +217,13 @@ class Blobs:
         self._marked = there
 
 
-def _folder(where: str) -> Path | None:
-    """The folder of a path or a ``file://`` URL; None for any other URL."""
+def _place(where: str) -> Bucket | Folder:
     if "://" not in where:
-        return at_home(where).absolute()
+        return Folder(at_home(where).absolute())
     url = urlsplit(where)
-    return Path(url2pathname(url.path)) if url.scheme == "file" else None
+    if url.scheme == "file":
+        return Folder(Path(url2pathname(url.path)))
+    return Served(where) if url.scheme == "http" else Bucket(where)
 
 
 def _failed(error: Exception) -> BlobsUnavailable:

@@ -55,13 +55,6 @@ def _check_pair(client: RedisClient, store: Blobs) -> None:
         Scripts(client).run(Pair(id=ours, is_marked=True))
 
 
-def farm_id(client: RedisClient) -> str:
-    """The id that Redis and the blob store share, once `check_pair` has returned."""
-    found = client.hget(keys.STORE, "id")
-    assert found is not None
-    return found
-
-
 def _refusal(store: Blobs, ours: str | None, theirs: str | None) -> str:
     if theirs is None and ours is not None:
         return (

@@ -120,8 +120,8 @@ class Census:
         return _sum(demand for needed, demand in self.demand.items() if suits(needed))
 
 
-def take_census(client: RedisClient, *, from_priority: int | None = None) -> Census:
-    """Count the farm; jobs of a priority below `from_priority` are counted, but are no demand."""
+def take_census(client: RedisClient) -> Census:
+    """Count the farm."""
     with unavailable_as_farm_error():
         pipe = client.pipeline(transaction=True)
         pipe.time()
@@ -144,7 +144,6 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
         for job_id in job_ids:
             pipe.hmget(keys.job(job_id), _FIELDS)
             pipe.zcard(keys.job(job_id, "lost"))
-            pipe.zscore(keys.OPEN, job_id)
         answers = iter(pipe.execute())
     crew = [_Worker.of(fields, now_ms) for fields in islice(answers, len(workers)) if fields]
     owned = sum(int(jobs or 0) for jobs in islice(answers, len(monitors)))
@@ -160,7 +159,7 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
     demand: dict[str, list[Demand]] = defaultdict(list)
     unserved: list[tuple[int, str]] = []
     oldest_ms = now_ms
-    for job_id, values, lost, priority in zip(job_ids, answers, answers, answers, strict=True):
+    for job_id, values, lost in zip(job_ids, answers, answers, strict=True):
         job = dict(zip(_FIELDS, values, strict=True))
         if job["state"] not in _OPEN:
             continue
@@ -172,9 +171,8 @@ def take_census(client: RedisClient, *, from_priority: int | None = None) -> Cen
                 unserved.append((int(job["number"]), job_id))
             if may_begin and job["committed"] == "0":
                 oldest_ms = min(oldest_ms, float(job["created_at"]))
-            if from_priority is None or priority is None or priority >= from_priority:
-                waiting = int(job["ready"]) + lost if may_begin else 0
-                demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
+            waiting = int(job["ready"]) + lost if may_begin else 0
+            demand[wanted].append(_demand(job, waiting, int(job["leased"]) - lost, usual_ms))
     return Census(
         jobs=dict(states),
         unserved=tuple(job_id for _, job_id in sorted(unserved)),

@@ -17,7 +17,8 @@
     ├── UnknownKey         no API key of that id, or it was revoked
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   ├── BlobsUnavailable   the blob store does
-    │   └── NotPermitted       Redis does not permit a command to this process's user
+    │   ├── NotPermitted       Redis does not permit a command to this process's user
+    │   └── WrongPassword      Redis does not let this process in
     ├── WrongStore         the blob store does not belong to this Redis, or cannot be one
     ├── Incompatible       the data in Redis has another layout than this Plateau's
     ├── InvalidSpec        a field of a spec is unknown, or its value is not allowed
@@ -166,6 +167,10 @@ class NotPermitted(StoreUnavailable):
             "meant for it, and Redis have the ACL file that `plateau redis-acl` of this Plateau "
             "writes"
         )
+
+
+class WrongPassword(StoreUnavailable):
+    """Redis does not let this process in."""
 
 
 class WrongStore(FarmError):

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, field_va
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
-from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots, root_tag
+from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots
 
 LogFormat = Literal["text", "json"]
 
@@ -94,11 +94,6 @@ class Settings(BaseSettings):
     def page_url(self) -> str | None:
         """The URL of the farm's page, if it is set."""
         return self.url if "url" in self.model_fields_set else None
-
-    @property
-    def all_tags(self) -> Tags:
-        """A worker's tags, with those of its scene roots."""
-        return (*self.tags, *(root_tag(root.name) for root in self.scene_roots))
 
     @property
     def hashes(self) -> Path:

@@ -4,10 +4,12 @@ import importlib.util
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
 
@@ -44,6 +46,12 @@ def find_redis_server() -> Path | None:
             return binary
     on_path = shutil.which("redis-server")
     return Path(on_path) if on_path else None
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("", 0))
+        return int(one.getsockname()[1])
 
 
 def socket_in(data: Path) -> Path | None:
@@ -98,7 +106,9 @@ class EmbeddedRedis:
     """A private Redis. Every acknowledged write is on disk: ``appendfsync always``.
 
     It stops itself where a write cannot get to the disk, and can then be started again. Its data
-    stays in the folder `data` for a later server. Without `wait`, call `await_ready`.
+    stays in the folder `data` for a later server. Without `wait`, call `await_ready`. With a
+    `secret`, of letters and digits, it also listens at `port` on every address of this machine,
+    and lets nobody in without it.
 
     Raises
     ------
@@ -106,7 +116,7 @@ class EmbeddedRedis:
         There is no server binary, or it did not start; the message has the end of its log.
     """
 
-    def __init__(self, data: Path, *, wait: bool = True) -> None:
+    def __init__(self, data: Path, *, wait: bool = True, secret: str = "") -> None:
         binary = find_redis_server()
         if binary is None:
             import redis  # noqa: F401 - where that is missing too, so is the extra with both
@@ -124,8 +134,10 @@ class EmbeddedRedis:
             self._elsewhere = tempfile.TemporaryDirectory(prefix=_PREFIX)
             socket = Path(self._elsewhere.name) / "redis.sock"
         self._log = data / "redis.log"
+        self.port = _free_port() if secret else 0
+        self._secret = secret
         options = {
-            "port": "0",
+            "port": str(self.port),
             "unixsocket": str(socket),
             "unixsocketperm": "700",
             "dir": str(data.absolute()),
@@ -136,8 +148,8 @@ class EmbeddedRedis:
             "daemonize": "no",
         }
         arguments = [item for key, value in options.items() for item in (f"--{key}", value)]
-        self._command = [str(binary), *arguments]
-        self.url = f"unix://{socket}"
+        self._command = [str(binary), "-", *arguments]
+        self.url = f"unix://{f':{secret}@' if secret else ''}{socket}"
         try:
             self._launch()
         except BaseException:
@@ -160,13 +172,17 @@ class EmbeddedRedis:
         # A session of its own, so that a Ctrl-C in the terminal does not stop it first.
         self.process = subprocess.Popen(
             self._command,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env=plain_environment(),
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )
+        assert self.process.stdin is not None
+        with suppress(BrokenPipeError), self.process.stdin as configuration:
+            if self._secret:  # not as an argument, which everybody on this machine can read
+                configuration.write(f"requirepass {self._secret}\nbind * -::*\n".encode())
 
     def await_ready(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Return once the server answers, or stop it and raise `StoreUnavailable`.

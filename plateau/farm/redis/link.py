@@ -10,7 +10,7 @@ import redis
 from redis.backoff import NoBackoff
 from redis.retry import Retry
 
-from plateau.farm.model.errors import NotPermitted, StoreUnavailable
+from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongPassword
 from plateau.farm.redis import url as redis_url
 from plateau.farm.redis.client import RedisClient
 
@@ -117,10 +117,12 @@ _FORBIDS: Final = re.compile(r"\bNOPERM\b|The user executing the script can't")
 def unavailable_as_farm_error() -> Iterator[None]:
     """Raise `StoreUnavailable` for redis-py's errors while Redis is away or refuses temporarily.
 
-    And `NotPermitted` where this user lacks the right.
+    And `NotPermitted` where this user lacks the right, or `WrongPassword`.
     """
     try:
         yield
+    except redis.exceptions.AuthenticationError as error:
+        raise WrongPassword(f"Redis cannot be reached: {error}") from error
     except _AWAY as error:
         raise StoreUnavailable(f"Redis cannot be reached: {error}") from error
     except redis.exceptions.ResponseError as error:

@@ -86,7 +86,7 @@ class About:
 
 
 def _label() -> str | None:
-    """The task that Slurm has started the worker as; `plateau scale` knows it by that."""
+    """The task that Slurm has started the worker as."""
     job = os.environ.get("SLURM_ARRAY_JOB_ID") or os.environ.get("SLURM_JOB_ID")
     task = os.environ.get("SLURM_ARRAY_TASK_ID")
     return job and f"slurm:{job}{f'_{task}' if task else ''}"

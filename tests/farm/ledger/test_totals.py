@@ -132,13 +132,6 @@ class TestDemand:
         assert census.demand_for(["cuda_ad_rgb"], pool="night").waiting == 4
         assert census.demand_for().waiting == 7
 
-    def test_may_leave_out_jobs_of_low_priority(self, farm: Farm) -> None:
-        farm.job(slices=4)
-        farm.job(slices=2, priority=-5)
-        assert take_census(farm.client, from_priority=-5).demand_for([]).waiting == 6
-        assert take_census(farm.client, from_priority=0).demand_for([]).waiting == 4
-        assert take_census(farm.client, from_priority=1).demand_for([]).waiting == 0
-
     def test_of_a_farm_that_never_rendered_takes_a_second_for_each_slice(self, farm: Farm) -> None:
         farm.job(slices=3)
         assert take_census(farm.client).demand_for([]).work_s == 3

@@ -34,6 +34,8 @@ class Command:
         Where its data and what it says are kept.
     program
         What Python runs.
+    python
+        The interpreter.
     prepare
         What its process does before it becomes the command.
     """
@@ -43,6 +45,7 @@ class Command:
         *arguments: str,
         folder: Path,
         program: tuple[str, ...] = ("-m", "plateau"),
+        python: str = sys.executable,
         prepare: Callable[[], object] | None = None,
         **environment: str,
     ) -> None:
@@ -54,7 +57,7 @@ class Command:
         self._said = folder / f"said-{time.monotonic_ns()}"
         with self._said.open("wb") as said:
             self.process = subprocess.Popen(
-                [sys.executable, *program, *arguments],
+                [python, *program, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=said,

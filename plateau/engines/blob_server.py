@@ -1,0 +1,98 @@
+"""Serves a folder of blobs to the nodes of one run, over HTTP and by a secret.
+
+So nodes need no disk in common with the command's machine.
+"""
+
+import hmac
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import Final
+from urllib.parse import unquote
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.errors import BlobsUnavailable
+
+#: A node that has sent nothing for this long has gone.
+_SILENCE_S: Final = 60.0
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    request_queue_size = 256
+
+    def __init__(self, blobs: Blobs, secret: str) -> None:
+        super().__init__(("", 0), _Request)
+        self.blobs, self.expected = blobs, f"Bearer {secret}"
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing: a node that goes in the middle of a request sends it again, or is gone."""
+
+
+class _Request(BaseHTTPRequestHandler):
+    """GET, HEAD, PUT and DELETE of one blob, as `plateau.farm.blobs.served` asks for them."""
+
+    protocol_version = "HTTP/1.1"
+    timeout = _SILENCE_S
+    server: _Server
+
+    def do_GET(self) -> None:
+        """Answer one request; what it stores is on the disk when the answer goes out."""
+        given = self.headers.get("Authorization", "")
+        body = b""
+        if not hmac.compare_digest(given.encode(), self.server.expected.encode()):
+            self.close_connection = True  # what it wanted to send stays unread
+            self._send(403)
+            return
+        if self.command == "PUT":
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+        try:
+            self._do(unquote(self.path[1:]), body)
+        except (FileNotFoundError, ValueError):  # the latter: this is no name of a blob
+            self._send(404)
+        except BlobsUnavailable as error:  # the disk is full
+            self._send(507, str(error).encode())
+
+    do_HEAD = do_PUT = do_DELETE = do_GET  # noqa: N815
+
+    def _do(self, name: str, body: bytes) -> None:
+        blobs, size = self.server.blobs, None
+        if self.command == "PUT":
+            blobs.put(name, body)
+        elif self.command == "DELETE":
+            blobs.delete(name)
+        elif self.command == "HEAD":
+            size = blobs.size(name)
+            if size is None:
+                raise FileNotFoundError
+        self._send(200, blobs.get(name) if self.command == "GET" else b"", size=size)
+
+    def _send(self, status: int, body: bytes = b"", *, size: int | None = None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body) if size is None else size))
+        self.send_header("Last-Modified", self.date_time_string())  # the client wants one
+        self.send_header("ETag", '"blob"')  # and this: a blob never changes
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing: the nodes log what fails."""
+
+
+@contextmanager
+def serving(blobs: Blobs, secret: str) -> Iterator[int]:
+    """Serve these blobs on every address of this machine while the context lasts; gives the port.
+
+    Whoever sends another secret gets 403, and learns no name.
+    """
+    server = _Server(blobs, secret)
+    Thread(target=server.serve_forever, name="blobs", daemon=True).start()
+    try:
+        yield server.server_address[1]
+    finally:
+        server.expected = secrets.token_hex()  # for connections that are still open
+        server.shutdown()
+        server.server_close()

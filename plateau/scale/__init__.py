@@ -1,1 +1,0 @@
-"""Workers that are started and ended with the queue, as jobs of a batch system."""

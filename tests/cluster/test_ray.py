@@ -1,0 +1,150 @@
+"""`plateau render --on ray`, on a real Ray whose nodes come and go: Ray's own cluster utility."""
+
+import os
+import re
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.cluster.conftest import TOOLS
+from tests.cluster.support_engines import (
+    ENDLESS_JOB,
+    UNFIT,
+    Run,
+    alone,
+    commands,
+    interpreter,
+    result_of,
+)
+from tests.support.until import until
+
+pytestmark = pytest.mark.timeout(900)
+
+PYTHON = TOOLS.parent / "ray" / "bin" / "python"
+
+#: A head without processors, and nodes with one each, as standard input asks for.
+CLUSTER = """
+import sys
+from ray.cluster_utils import Cluster
+head = {"num_cpus": 0, "include_dashboard": False, "temp_dir": sys.argv[1]}
+cluster, nodes = Cluster(initialize_head=True, head_node_args=head), []
+print(cluster.address, flush=True)
+for line in sys.stdin:
+    if line == "add\\n":
+        nodes.append(cluster.add_node(num_cpus=1))
+    else:
+        cluster.remove_node(nodes.pop(), allow_graceful=False)
+    print(len(nodes), flush=True)
+cluster.shutdown()
+"""
+
+
+class RayCluster:
+    """A Ray without a node at first, until standard input ends."""
+
+    def __init__(self, folder: str) -> None:
+        assert PYTHON.exists(), "Ray is missing: run `make test-cluster`, which installs it"
+        self.process = subprocess.Popen(
+            [PYTHON, "-c", CLUSTER, folder],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self.address = self._answer()
+        self._nodes = 0
+
+    def have(self, nodes: int) -> None:
+        """Add nodes, or have the newest die."""
+        while self._nodes != nodes:
+            print("add" if self._nodes < nodes else "die", file=self.process.stdin, flush=True)
+            self._nodes = int(self._answer())
+
+    def _answer(self) -> str:
+        assert self.process.stdout is not None
+        answer = self.process.stdout.readline().strip()
+        assert answer, "Ray's cluster ended"
+        return answer
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[RayCluster]:
+    cluster = RayCluster(os.environ["TESTS_TEMPORARY"])  # a short path: sockets lie in it
+    yield cluster
+    cluster.process.communicate(timeout=60)
+
+
+@pytest.fixture
+def run(cluster: RayCluster, tmp_path: Path) -> Iterator[Run]:
+    with commands(tmp_path, f"ray --address={cluster.address}", str(PYTHON)) as run:
+        yield run
+
+
+def nodes() -> list[psutil.Process]:
+    """The processes of the workers, and their render children."""
+    found = []
+    for one in psutil.process_iter():
+        with suppress(psutil.Error):
+            if "PLATEAU_FRONT" in one.environ() and "plateau.engines.node" in one.cmdline()[-1]:
+                found += [one, *one.children(recursive=True)]
+    return found
+
+
+def test_one_command_uses_what_comes_outlives_what_goes_and_gives_all_back(
+    run: Run, cluster: RayCluster, tmp_path: Path
+) -> None:
+    command = run("--workers", "3")
+    command.wait_for(r"nodes: 0 of 3 workers run; 3 wait \(for 1 CPU; no node has as much\)")
+    # Nodes that come are used
+    cluster.have(2)
+    command.wait_for(r"nodes: 2 of 3 workers run; 1 waits \(for 1 CPU\)")
+    command.wait_for(r"\b200 spp")
+    # One that dies takes the slices in its hands with it, and nothing else
+    cluster.have(1)
+    # Then the image and the curve are those of one worker on one machine
+    assert result_of(command, tmp_path / "out") == alone(tmp_path / "alone")
+    command.is_gone()
+    until(lambda: not nodes())
+
+
+@pytest.mark.parametrize("node", UNFIT)
+def test_a_node_that_cannot_work_ends_it_at_once(
+    node: str, run: Run, cluster: RayCluster, tmp_path: Path
+) -> None:
+    cluster.have(2)
+    program, words = UNFIT[node]
+    command = run("--workers", "2", PLATEAU_PYTHON=interpreter(tmp_path, program))
+    assert command.exit_code() == 1
+    assert "no node can work for this run: " in command.said
+    assert re.search(words, command.said), command.said
+    command.is_gone()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_when_the_front_goes_the_nodes_end_their_work(
+    how: signal.Signals, run: Run, cluster: RayCluster
+) -> None:
+    cluster.have(2)
+    command = run("--workers", "2", "--threads", "1", job=ENDLESS_JOB)
+    command.wait_for(r"\b200 spp")
+    workers = nodes()
+    assert len(workers) >= 4  # two supervisors, and their render children
+    command.process.send_signal(how)
+    assert command.exit_code() == (130 if how is signal.SIGINT else -how)
+    _, alive = psutil.wait_procs(workers, timeout=60)
+    assert not alive
+    command.is_gone()
+
+
+def test_where_there_is_no_ray_it_says_what_to_do(run: Run) -> None:
+    command = run("--on", "ray --address=127.0.0.1:9 --num-gpus=1")
+    assert command.exit_code() == 1
+    assert "there is no Ray cluster at '127.0.0.1:9'" in command.said
+    refused = run("--on", "ray --gpus=1")
+    assert refused.exit_code() == 1
+    assert "--on ray: unrecognized arguments: --gpus=1; it takes ray [--address" in refused.said

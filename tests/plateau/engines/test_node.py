@@ -1,0 +1,127 @@
+"""A node of a run: it joins the front, says what keeps it from that, and ends when that is gone."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import psutil
+import pytest
+
+from plateau.engines.blob_server import serving
+from plateau.engines.front import Front
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from tests.support.processes.commands import plateau
+from tests.support.processes.ports import free_ports
+from tests.support.until import until
+
+#: A node that is in a hurry.
+PROGRAM = """
+import plateau.engines.node as node
+node._SEEK_S, node._ASK_S, node.SILENCE_S = 0.5, 0.1, 1.0
+node.main()
+"""
+Start = Callable[[Front], "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[EmbeddedRedis]:
+    """The front's Redis."""
+    server = EmbeddedRedis(tmp_path / "redis", secret="ours")
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def front(server: EmbeddedRedis, tmp_path: Path) -> Iterator[Front]:
+    """A front with nothing to do, which has an address that answers and one that does not."""
+    blobs = Blobs(str(tmp_path / "blobs"))
+    with connect(server.url) as client, serving(blobs, "ours") as port:
+        check_schema(client)
+        check_pair(client, blobs)
+        yield replace(Front.here(server.port, port, "ours"), hosts=("nowhere.invalid", "127.0.0.1"))
+
+
+@pytest.fixture
+def start(cache: Path) -> Iterator[Start]:
+    """Starts nodes; none outlives its test."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(front: Front) -> "subprocess.Popen[str]":
+        told = {"PLATEAU_FRONT": json.dumps(asdict(front)), "PLATEAU_CACHE": str(cache)}
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM],
+            env={**os.environ, **told},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_it_works_for_the_front_until_that_is_silent(
+    front: Front, server: EmbeddedRedis, start: Start
+) -> None:
+    node = start(front)
+    with connect(server.url) as client:
+        (worker,) = until(lambda: Workers(client).living())
+        assert worker.pid == node.pid
+        # A Redis that is away for a moment is no front that has gone
+        server.process.kill()
+        server.process.wait()
+        server.start()
+        (worker,) = until(lambda: Workers(client).living())
+    family = psutil.Process(node.pid).children(recursive=True)
+    server.stop()
+    _, said = node.communicate(timeout=120)
+    assert "the machine of the run has been silent for 1 s: the run is over" in said
+    _, alive = psutil.wait_procs(family, timeout=60)
+    assert not alive
+
+
+def test_it_says_what_keeps_it_away_and_the_front_says_it_in_words(
+    front: Front, start: Start
+) -> None:
+    closed, other = free_ports(2)
+    cases = {
+        replace(front, secret="guessed"): (77, "what answers is not the Redis of this run"),
+        replace(front, redis_port=closed): (69, "tried 127.0.0.1 (Redis cannot be reached: "),
+        replace(front, blobs_port=other): (69, "tried 127.0.0.1 (the blob store failed: "),
+        replace(front, version="0.0.9"): (76, "the run is Plateau 0.0.9's"),
+    }
+    nodes = {start(case): (case, *expected) for case, expected in cases.items()}
+    for node, (case, code, words) in nodes.items():
+        _, said = node.communicate(timeout=120)
+        assert (node.returncode, words in said) == (code, True), said
+        assert "exit code" not in case.unfit(code, "python3")
+    told = replace(front, redis_port=closed).unfit(69, "python3")
+    assert f"nowhere.invalid:{closed}, 127.0.0.1:{closed}, and the port {front.blobs_port}" in told
+
+
+def test_an_engine_that_is_not_there_is_refused_before_anything_starts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for on, words in (
+        ("pbs --queue=x", "there is no engine 'pbs'; there are ray, slurm"),
+        ("", "there is no engine ''"),
+        ("slurm '", "names no engine: No closing quotation"),
+    ):
+        code, _, said = plateau("render", "scenes:box", "--on", on)
+        assert (code, words in said) == (1, True), said
+    monkeypatch.setenv("PATH", str(tmp_path))
+    code, _, said = plateau("render", "scenes:box", "--on", "slurm")
+    assert code == 1
+    assert "these commands of Slurm are not on the PATH: sbatch, squeue, scontrol, scancel" in said
