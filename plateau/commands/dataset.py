@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from plateau.commands import options as o
 from plateau.commands.app import app
 from plateau.commands.printing import print_json
 from plateau.errors import tell
@@ -25,7 +26,7 @@ def dataset(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Workers on this machine.",
+            help="Workers on this machine, or of the cluster.",
             min=1,
             max=256,
             show_default="one a GPU, or else a core, at most 8",
@@ -35,6 +36,7 @@ def dataset(
         int | None,
         typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
     ] = None,
+    on: o.On = None,
     sheet: Annotated[
         bool,
         typer.Option("--sheet", help="Write DIR/sheet.html, with thumbnails."),
@@ -48,6 +50,7 @@ def dataset(
     For example:
       plateau dataset box.toml -o box
       plateau dataset rooms.toml -o rooms --url http://farm:8713 --sheet
+      plateau dataset rooms.toml -o rooms --workers 8 --on "slurm --partition=cpu"
 
     docs/datasets.md describes recipes. DIR/manifest.jsonl has a line for each image. A run may be
     killed at any moment, and the same command goes on; it refuses a recipe that has changed. The
@@ -61,8 +64,10 @@ def dataset(
     from plateau.rendering.mapping import Place
     from plateau.terminal.dataset_progress import dataset_progress_on
 
+    if url is not None and on is not None:
+        raise typer.BadParameter("--url is a farm that runs, and --on starts one: choose one")
     asked = Recipe.read(recipe)
-    place = Place(farm=url, workers=workers, threads=threads)
+    place = Place(farm=url, workers=workers, threads=threads, on=on)
     with Interrupts() as interrupts, dataset_progress_on(Console(stderr=True)) as show:
         lines = fill(asked, out, place, interrupts, show=show, tell=tell)
     if sheet:

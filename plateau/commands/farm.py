@@ -1,6 +1,6 @@
 """`plateau drain | usage`: workers that are to stop, and what the jobs have cost."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -9,7 +9,6 @@ from plateau.commands.app import app
 from plateau.commands.connect import connect
 from plateau.commands.printing import print_one, print_table
 from plateau.errors import tell
-from plateau.farm.model.usage import Grouping
 
 if TYPE_CHECKING:
     from plateau.farm.model.usage import UsageRow
@@ -41,7 +40,9 @@ def drain(
 
 @app.command()
 def usage(
-    by: Annotated[Grouping, typer.Option(help="What a row is.")] = "week",
+    by: Annotated[
+        Literal["job", "batch", "owner", "week"], typer.Option(help="What a row is.")
+    ] = "week",
     since: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Jobs submitted from this day, or time (UTC), on."),

@@ -43,6 +43,7 @@ def map(  # noqa: A001  (as users call it)
     key: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
+    on: str | None = None,
     **fields: Any,
 ) -> Iterator[Mapped]:
     """Render each scene with each set of parameters, and yield the images as they are finished.
@@ -79,6 +80,8 @@ def map(  # noqa: A001  (as users call it)
     workers, threads
         Of a farm on this machine; by default a worker for each GPU or else for each core, up to 8,
         and their share of the cores.
+    on
+        As for `plateau.render`: a cluster whose nodes have the workers.
     **fields
         More fields of `JobSpec` for all: ``max_spp=4096``, ``seed=1``, ``watch=("jod",)``.
 
@@ -115,7 +118,7 @@ def map(  # noqa: A001  (as users call it)
         Task(index=index, scene=scene, parameters=given, sensor=sensor)
         for index, (scene, given, sensor) in enumerate(combined)
     )
-    place = Place(farm=farm, key=key, workers=workers, threads=threads)
+    place = Place(farm=farm, key=key, workers=workers, threads=threads, on=on)
     return rendered(tasks, spec, place, independent=independent, ordered=ordered)
 
 
@@ -165,8 +168,9 @@ class Place:
 
     farm: str | None = None  #: URL of a service; None for a farm on this machine
     key: str | None = None  #: its API key; None for that of the environment
-    workers: int | None = None  #: on this machine
+    workers: int | None = None  #: on this machine, or an engine's
     threads: int | None = None  #: of each of them
+    on: str | None = None  #: the engine that brings the workers; None for this machine
 
     @contextmanager
     def opened(
@@ -180,13 +184,14 @@ class Place:
             return
         from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
-        settings = settings_here()
-        check_variant(spec.variant, settings.cache)
-        workers = self.workers or workers_for(spec.variant)
+        settings = settings_here(self.on)
+        if self.on is None:
+            check_variant(spec.variant, settings.cache)
+        workers = self.workers or (workers_for(spec.variant) if self.on is None else 1)
         with own_farm(
-            settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell
-        ) as (tree, client):
-            yield _Opened(client, tree.check, 4 * workers + 8)
+            settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell, on=self.on
+        ) as (own, client):
+            yield _Opened(client, own.check, 4 * workers + 8)
 
 
 @dataclass(frozen=True)
