@@ -7,9 +7,11 @@ import io
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 
 import pytest
 
+from plateau.farm.blobs.bucket import RETRIES, TIMES
 from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable
@@ -73,7 +75,7 @@ class TestAUrl:
 def test_what_is_wrong_is_said_in_a_line(
     server: OddS3, monkeypatch: pytest.MonkeyPatch, says: tuple[int, bytes], words: str
 ) -> None:
-    monkeypatch.setattr("plateau.farm.blobs.bucket._TRIES_AGAIN", 0)
+    monkeypatch.setitem(RETRIES, "max_retries", 0)
     bucket = Blobs("s3://bucket/plateau")
     server.says = says
     for ask in (
@@ -140,7 +142,9 @@ class TestAnAnswerThatDoesNotSay:
 
 
 def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 0.5)
+    silence = timedelta(seconds=0.5)
+    monkeypatch.setitem(TIMES, "read_timeout", silence)
+    monkeypatch.setitem(RETRIES, "retry_timeout", silence)
     bucket = Blobs("s3://bucket/plateau")
     bucket.make_mark("ours")
     server.silent.set()
@@ -158,7 +162,9 @@ def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.M
 def test_while_a_store_is_silent_only_one_waits_for_it(
     server: OddS3, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 2.0)
+    silence = timedelta(seconds=2.0)
+    monkeypatch.setitem(TIMES, "read_timeout", silence)
+    monkeypatch.setitem(RETRIES, "retry_timeout", silence)
     bucket = Blobs("s3://bucket/plateau")
     bucket.make_mark("ours")
     server.silent.set()

@@ -88,7 +88,6 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
                 "white_luminance": 300.0,
                 "pixels_per_degree": 57.0,
                 "background": [0.2, 0.0, 0.5],
-                "focus": [[1.0, 0.5], [0.25, 1.0]],
                 "primaries": "adobe1998",
             },
             "aovs": ["albedo", "depth"],
