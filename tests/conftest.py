@@ -61,11 +61,10 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)  # which no program inherits
-    from plateau.metric.kernel_cache import are_compiled
     from tests.support.processes.own_processes import own_processes
 
-    if config.getoption("numprocesses", None) and not are_compiled():
-        # Once, before many tests wait for it: 25 s of a core.
+    if config.getoption("numprocesses", None):
+        # Once, before many tests wait for it: 25 s of a core, or one if they are there.
         compiling = "from plateau.picture.judge import warm_up; warm_up()"
         subprocess.run([sys.executable, "-c", compiling], check=True)
     stack = ExitStack()
