@@ -1,6 +1,7 @@
 """One image of `plateau.map`: what is to be rendered, and what became of it."""
 
 import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,8 +20,8 @@ Values: TypeAlias = Mapping[str, Any]
 #: A scene, or what makes a Mitsuba dict of the parameters.
 SceneOrMaker: TypeAlias = "SceneAtHand | Callable[..., Mapping[str, Any]]"
 
-#: How the layers of inputs begin.
-_INPUT: Final = "spp"
+#: The layer of an input, with its samples per pixel and its channel.
+_INPUT: Final = re.compile(r"spp(\d+)\.(.+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +75,7 @@ class Mapped:
     def channels(self) -> "dict[str, NDArray[np.float32]]":
         """The image and its AOVs by channel, (height, width) float32, without the inputs."""
         layers = self._rendered.channels
-        return {name: one for name, one in layers.items() if not name.startswith(_INPUT)}
+        return {name: one for name, one in layers.items() if not _INPUT.fullmatch(name)}
 
     @cached_property
     def inputs(self) -> "dict[int, dict[str, NDArray[np.float32]]]":
@@ -82,9 +83,8 @@ class Mapped:
         layers = (self.noisy or self._rendered).channels
         found: dict[int, dict[str, Any]] = {}
         for name, one in layers.items():
-            if name.startswith(_INPUT):
-                spp, _, channel = name.removeprefix(_INPUT).partition(".")
-                found.setdefault(int(spp), {})[channel] = one
+            if layer := _INPUT.fullmatch(name):
+                found.setdefault(int(layer[1]), {})[layer[2]] = one
         return dict(sorted(found.items()))
 
     @cached_property

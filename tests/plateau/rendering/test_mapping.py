@@ -114,3 +114,9 @@ def test_one_that_fails_stops_no_other(farm: RealFarm, checks: Path) -> None:
         plateau.map(checks, inputs=[4, 4])
     with pytest.raises(plateau.InvalidSpec, match="no inputs to be independent"):
         plateau.map(checks, independent=True)
+
+
+def test_the_samples_of_zones_are_a_layer_and_no_input(farm: RealFarm, checks: Path) -> None:
+    zones = {"allocation": "zones", "target": "fixed:spp=400"}
+    [one] = plateau.map(checks, [SMALL], farm=farm.url, **zones)
+    assert ("spp" in one.channels, one.inputs) == (True, {})
