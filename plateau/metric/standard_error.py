@@ -54,11 +54,6 @@ class Quarters:
     #: The linear light of the display of such an image: that of a scene's view transform.
     see: Callable[[Image], Image]
 
-    @property
-    def have_light(self) -> bool:
-        """Whether a finite pixel is brighter than black."""
-        return any(bool((np.isfinite(mean) & (mean > 0)).any()) for mean in self.means)
-
 
 @dataclass(frozen=True, eq=False)
 class SquaredError:

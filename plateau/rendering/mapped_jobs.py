@@ -19,10 +19,9 @@ from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.rendering.mapped import Mapped, Task
-from plateau.rendering.result import Result
+from plateau.rendering.result import IMAGE, Result
 
 _TICK_S: Final = 0.25
-_EXR: Final = "image.exr"
 #: How far the seed of an independent input is from that of its reference: odd, as the number of
 #: seeds is often a power of two.
 _APART: Final = JOB_SEEDS // 2 + 1
@@ -153,7 +152,7 @@ class MappedJobs:
 
     def _fetched(self, job_id: str) -> Result:
         job = self._client.wait(job_id)
-        result = Result.fetched(self._client, job, (_EXR,), with_curve=self._has_values)
+        result = Result.fetched(self._client, job, (IMAGE,), with_curve=self._has_values)
         batch = job.spec.batch or ""
         with self._lock:
             jobs = self._open.get(batch, {job_id})
@@ -203,7 +202,7 @@ def _overlap(image: Result, inputs: Result) -> bool:
 
     ranges = []
     for one in (image, inputs):
-        header = decode_header(one.files[_EXR])
+        header = decode_header(one.files[IMAGE])
         ranges.append([int(header[f"plateau:{end}_seed"]) for end in ("first", "last")])
     (first, last), (other_first, other_last) = ranges
     return first <= other_last and other_first <= last

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+#: The file that has all of an image.
+IMAGE: Final = "image.exr"
 _NO_IMAGE: Final = "no-image-yet"
 
 
@@ -72,7 +74,7 @@ class Result:
     @property
     def has_image(self) -> bool:
         """Whether anything was rendered before it ended."""
-        return "image.exr" in self.files
+        return IMAGE in self.files
 
     @cached_property
     def image(self) -> "NDArray[np.float32]":
@@ -80,7 +82,7 @@ class Result:
         with needs("images"):
             from plateau.farm.images.exr import decode_image
 
-        return decode_image(self._file("image.exr"))
+        return decode_image(self._file(IMAGE))
 
     @cached_property
     def channels(self) -> "dict[str, NDArray[np.float32]]":
@@ -88,7 +90,7 @@ class Result:
         with needs("images"):
             from plateau.farm.images.exr import decode_layers
 
-        return decode_layers(self._file("image.exr"))
+        return decode_layers(self._file(IMAGE))
 
     @property
     def curve(self) -> "dict[str, NDArray[Any]]":
@@ -115,7 +117,7 @@ class Result:
             It cannot be written.
         """
         path = at_home(path)
-        name = {".exr": "image.exr", ".png": "image.png"}.get(path.suffix.lower())
+        name = {".exr": IMAGE, ".png": "image.png"}.get(path.suffix.lower())
         if name is not None:
             content = self._file(name)
             with whole(path) as unfinished:

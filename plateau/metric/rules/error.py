@@ -66,7 +66,7 @@ class ErrorRule(Rule):
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is surely reached; the value is the error."""
         self.foreseen_spp = None
-        if evidence.quarters is None or not evidence.quarters.have_light:
+        if evidence.quarters is None or not evidence.is_lit:
             dark = "no light has been found yet: the image is black"
             few = "there are no four slices yet to compare"
             return Verdict(False, None, {}, few if evidence.quarters is None else dark)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plateau.errors import needs
 from plateau.farm.model.aovs import AOVS
 from plateau.rendering.mapped import Mapped
+from plateau.rendering.result import IMAGE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     Layers = Mapping[str, NDArray[np.float32]]
 
-_EXR: Final = "image.exr"
 _FEATURES: Final = {
     "hdr": ("R", "G", "B"),
     "alb": AOVS["albedo"].channels,
@@ -36,7 +36,7 @@ def files_of(one: Mapped, layout: str, name: str, max_spp: int) -> dict[str, byt
     assert one.result is not None
     if layout == "oidn":
         return _oidn(one, name, max(_DIGITS, len(str(max_spp))))
-    content = one.result.files[_EXR]
+    content = one.result.files[IMAGE]
     if one.noisy is not None:
         content = _with_inputs(one, content)
     return {f"{name}.exr": content}

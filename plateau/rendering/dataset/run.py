@@ -18,9 +18,9 @@ from plateau.rendering.dataset.manifest import FAILED, Manifest
 from plateau.rendering.dataset.recipe import Recipe
 from plateau.rendering.mapped import Mapped, Task
 from plateau.rendering.mapping import Place, rendered
+from plateau.rendering.result import IMAGE
 from plateau.terminal.dataset_progress import Course
 
-_EXR: Final = "image.exr"
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9.-]+")
 #: Of the header of an image, what its line says too.
 _OF_HEADER: Final = (
@@ -160,7 +160,7 @@ def _line(one: Mapped) -> dict[str, Any]:
     with needs("images"):
         from plateau.farm.images.exr import decode_header
 
-    header = decode_header(one.result.files[_EXR])
+    header = decode_header(one.result.files[IMAGE])
     return {
         **found,
         "errors": {name: said for name, said in errors.items() if said["low"] is not None},
