@@ -21,7 +21,7 @@ from plateau.processes.ground import check_ground
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
-from plateau.worker.supervisor.gpus import cards
+from plateau.worker.supervisor.gpus import uuids
 from plateau.worker.supervisor.variants import choose, is_here
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def workers_for(variant: str) -> int:
     Each has a scene in its memory. While one loads or hands over, others render.
     """
     on_gpu = variant == AUTO or variant_named(variant).on_gpu
-    return (len(cards("uuid")) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
+    return (len(uuids()) if on_gpu else 0) or min(len(os.sched_getaffinity(0)), _MOST_WORKERS)
 
 
 @dataclass(eq=False)

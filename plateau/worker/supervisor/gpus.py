@@ -69,12 +69,17 @@ def cards(*fields: str) -> list[list[str]]:
     return [line.split(", ") for line in done.stdout.splitlines()]
 
 
+def uuids() -> list[str]:
+    """Return the UUID of each NVIDIA GPU of this worker's."""
+    return [one for [one] in cards("uuid") if one.startswith("GPU-")]
+
+
 def of_worker(number: int) -> dict[str, str]:
     """Return the variable by which the workers of a machine take its GPUs in turn, if it has some.
 
     Dr.Jit renders on the first GPU that it sees.
     """
-    found = [one for [one] in cards("uuid") if one.startswith("GPU-")]
+    found = uuids()
     return {"CUDA_VISIBLE_DEVICES": found[number % len(found)]} if len(found) > 1 else {}
 
 
