@@ -29,11 +29,14 @@ WOOD: Final = PAINTED.format("wood.png")
 CAMERA: Final = XML[XML.index("<sensor") : XML.index("<emitter")]
 SAMPLER: Final = '<sampler type="independent"><integer name="sample_count" value="64"/></sampler>'
 
+#: As the commands say it of a folder, and the API of an upload.
+ABSENT: Final = "(?:does not exist; put it there|is not in the bundle; add it), or correct"
+
 #: What is another in the file, and what is said of it before anything is rendered.
 IN_A_FILE: Final[dict[str, tuple[tuple[tuple[str, str], ...], str]]] = {
     "a missing texture": (
         (('<bsdf type="diffuse">', WOOD),),
-        r"scene\.xml, line 8: 'wood\.png' does not exist; put it there, or correct its name",
+        rf"scene\.xml, line 8: 'wood\.png' {ABSENT}",
     ),
     "a wrong name of a plugin": (
         (('"diffuse"', '"difuse"'),),
@@ -54,11 +57,11 @@ IN_A_FILE: Final[dict[str, tuple[tuple[tuple[str, str], ...], str]]] = {
     ),
     "backslashes": (
         (('<bsdf type="diffuse">', PAINTED.format(r"art\oak.png")),),
-        r"line 8: 'art.*oak\.png' does not exist; .*; did you mean 'art/oak\.png' \(with / between",
+        rf"line 8: 'art.*oak\.png' {ABSENT}.*; did you mean 'art/oak\.png' \(with / between",
     ),
     "an include of a file elsewhere": (
         (("<emitter", '<include filename="sky.xml"/>\n<emitter'),),
-        r"line 7: 'sky\.xml' does not exist; put it there, or correct its name",
+        rf"line 7: 'sky\.xml' {ABSENT}",
     ),
 }
 
@@ -125,6 +128,15 @@ def python() -> Iterator[MitsubaProcess]:
         yield process
 
 
+def mistaken(mistake: str) -> str:
+    """The scene's file with one of `IN_A_FILE`."""
+    text = XML
+    for old, new in IN_A_FILE[mistake][0]:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
 @pytest.mark.parametrize("mistake", IN_A_FILE)
 @pytest.mark.parametrize("command", ["render", "submit"])
 def test_in_a_file(
@@ -134,12 +146,7 @@ def test_in_a_file(
     command: str,
     mistake: str,
 ) -> None:
-    changes, says = IN_A_FILE[mistake]
-    text = XML
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (tmp_path / "scene.xml").write_text(text)
+    (tmp_path / "scene.xml").write_text(mistaken(mistake))
     (tmp_path / "art").mkdir()
     (tmp_path / "art" / "oak.png").touch()
     (tmp_path / "art" / "sky.xml").touch()
@@ -147,7 +154,7 @@ def test_in_a_file(
     monkeypatch.setattr(own_farm, "render_alone", None)  # nothing is started for it
     code, _, said = plateau(command, str(tmp_path / "scene.xml"))
     assert (code, len(said.splitlines())) == (1, 1)
-    assert re.search(says, said), said
+    assert re.search(IN_A_FILE[mistake][1], said), said
 
 
 @pytest.mark.parametrize("mistake", IN_A_DICT)

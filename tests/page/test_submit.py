@@ -13,6 +13,7 @@ from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
+from tests.acceptance.test_mistakes import IN_A_FILE, mistaken
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 
@@ -269,6 +270,26 @@ class TestWhatIsRefused:
         form.get_by_label("width", exact=True).fill("80")
         form.get_by_label("width", exact=True).blur()
         expect(form.locator(".found")).to_contain_text("80 × 256 pixels")
+
+
+    def test_mistakes_in_a_first_scene_say_what_to_do(self, form: Page, tmp_path: Path) -> None:
+        path = tmp_path / "scene.zip"
+        for mistake, (_, says) in IN_A_FILE.items():
+            with zipfile.ZipFile(path, "w") as bundle:
+                bundle.writestr("scene.xml", mistaken(mistake))
+                bundle.writestr("art/oak.png", "")
+            choose(form, path)
+            expect(form.locator(".wrong")).to_have_text(re.compile(says))
+            expect(form.get_by_role("button", name="Render it")).to_be_hidden()
+        # What was asked of a scene stays there when another is wrong, and leads to what is wrong
+        (tmp_path / "scene.xml").write_text(SCENE_XML)
+        choose(form, tmp_path / "scene.xml")
+        form.get_by_label("At most").fill("2000")
+        choose(form, path)
+        expect(form.locator(".wrong")).to_be_focused()
+        form.get_by_label("At most").focus()
+        form.get_by_role("button", name="Render it").click()
+        expect(form.locator(".wrong")).to_be_focused()
 
 
 #: Units in which the form shows what the spec has in others.

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle import BundleLimits
+from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.redis.link import connect
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
@@ -44,7 +44,7 @@ def live_api(
         client=connect(redis_url),
         blobs=store,
         hub=hub,
-        checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
+        checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD, plugins=known_plugins())),
         access=access,
         webhook_allow=webhook_allow,
         targets=targets,

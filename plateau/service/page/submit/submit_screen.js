@@ -269,7 +269,8 @@ class Submission {
   // What is asked of it.
 
   async #submit() {
-    if (!this.#sha256 || this.#button.disabled) return;
+    if (!this.#sha256) { (this.#wrong.hidden ? this.#picker : this.#wrong).focus(); return; }
+    if (this.#button.disabled) return;
     const shown = this.#fields().filter(({ input }) => input.offsetParent);
     if (!shown.every(({ input }) => input.reportValidity())) return;
     if (this.#frames.isUnclear) { this.#frames.element.open = true; this.#frames.element.querySelector("input")?.focus(); return; }
