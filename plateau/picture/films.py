@@ -3,10 +3,11 @@
 import hashlib
 import logging
 from collections.abc import Iterable
-from typing import Final, Protocol
+from typing import Final
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.blobs.read_ahead import Series
+from plateau.farm.blobs.read_ahead import ReadAhead, Series
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
@@ -25,14 +26,7 @@ _MOST_BORDER: Final = 16
 _LOG = logging.getLogger(__name__)
 
 
-class Reads(Protocol):
-    """What reads blobs."""
-
-    def get(self, name: str) -> bytes:
-        """Return a blob; raises as `Blobs.get`."""
-
-
-def checked_partial(store: Reads, blob: str, sha256: str) -> Partial:
+def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
     """Return a partial, as its worker uploaded it.
 
     Raises
@@ -53,15 +47,21 @@ def checked_partial(store: Reads, blob: str, sha256: str) -> Partial:
 class Films:
     """The partials of a job's slices, for the monitor that owns the job."""
 
-    def __init__(self, owned: Ownership, owners: Ownerships, series: Series, spec: JobSpec) -> None:
+    def __init__(
+        self, owned: Ownership, owners: Ownerships, store: Blobs, ahead: ReadAhead, spec: JobSpec
+    ) -> None:
         self._spec = spec
         self._owned = owned
         self._owners = owners
-        self._series = series
+        self._series: Series[tuple[str, str], Partial] = Series(
+            ahead,
+            lambda named: checked_partial(store, *named),
+            lambda partial: partial.pixels.nbytes,
+        )
 
     def expect(self, records: Iterable[SliceRecord]) -> None:
         """Say of which slices the partials come next, in their order."""
-        self._series.expect(one.blob for one in records if blobs.is_partial(one.blob))
+        self._series.expect((one.blob, one.sha256) for one in records)
 
     def let_go(self) -> None:
         """Keep no partial in memory until the next is asked for."""
@@ -80,7 +80,7 @@ class Films:
         """
         with concerning(self._owned.job_id, record.index):
             try:
-                partial = checked_partial(self._series, record.blob, record.sha256)
+                partial = self._series.get((record.blob, record.sha256))
                 self._check_zones(partial, plan)
                 return self._complete(partial, record)
             except FileNotFoundError as error:

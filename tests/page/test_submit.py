@@ -271,7 +271,6 @@ class TestWhatIsRefused:
         form.get_by_label("width", exact=True).blur()
         expect(form.locator(".found")).to_contain_text("80 × 256 pixels")
 
-
     def test_mistakes_in_a_first_scene_say_what_to_do(self, form: Page, tmp_path: Path) -> None:
         path = tmp_path / "scene.zip"
         for mistake, (_, says) in IN_A_FILE.items():

@@ -1,20 +1,24 @@
-"""Blobs that are read before their turn, several at a time, where the store is slow.
+"""Blobs that are read and decoded before their turn, several at a time, where that takes long.
 
 A store over a network takes tens of milliseconds for each blob, however many it is asked for at
-once. A folder on a disk of this machine takes less than handing a read to another thread.
+once, and so does the decoding of a large film. A small one from a disk of this machine takes less
+than handing it to another thread.
 """
 
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from plateau.farm.blobs.store import Blobs
 
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
+
 #: Reads under way at once, in all series.
 THREADS: Final = 8
-#: A store of which each of the last reads took longer is slow.
+#: Reads are slow where each of the last ones took longer.
 SLOW_S: Final = 0.002
 _LAST: Final = 4
 #: Blobs of a series that are begun before their turn, and the bytes of all series.
@@ -31,64 +35,79 @@ class ReadAhead:
         self._took_s: deque[float] = deque(maxlen=_LAST)
         self._held = 0  # bytes of what is begun and not yet asked for, as far as known
 
-    def series(self) -> "Series":
-        """Return an empty series."""
-        return Series(self)
-
     def close(self) -> None:
         """Begin no more reads."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
-    def read(self, name: str) -> bytes:
-        """Return a blob; raises as `Blobs.get`."""
+    def read(self, read: Callable[[_Key], _Value], key: _Key) -> _Value:
+        """Return what `read` returns for the key."""
         began = time.monotonic()
         try:
-            return self._store.get(name)
+            return read(key)
         finally:
             self._took_s.append(time.monotonic() - began)
 
-    def begin(self, name: str, size: int) -> "Future[bytes] | None":
-        """Begin to read a blob of about this size, if that is worth it and there is room."""
+    def begin(
+        self, read: Callable[[_Key], _Value], key: _Key, size: int
+    ) -> "Future[_Value] | None":
+        """Begin to read what has about this size, if that is worth it and there is room."""
         is_slow = len(self._took_s) == _LAST and min(self._took_s) > SLOW_S
         if not is_slow or self._held + size > MOST_BYTES:
             return None
         self._held += size
-        return self._threads.submit(self.read, name)
+        return self._threads.submit(self.read, read, key)
 
-    def result(self, begun: "Future[bytes]", size: int) -> bytes:
-        """Return what was begun with this size; raises as `Blobs.get`."""
+    def result(self, begun: "Future[_Value]", size: int) -> _Value:
+        """Return what was begun with this size; raises as what reads it."""
         self._held -= size
         return self._store.result_of(begun)
 
-    def drop(self, begun: "Future[bytes]", size: int) -> None:
+    def drop(self, begun: "Future[_Value]", size: int) -> None:
         """Forget what was begun with this size."""
         begun.cancel()
         self._held -= size
 
 
-class Series:
-    """Blobs of about the same size that are asked for one after another."""
+class Series(Generic[_Key, _Value]):
+    """What is read for one key after another, and is about as large each time.
 
-    def __init__(self, ahead: ReadAhead) -> None:
+    Parameters
+    ----------
+    ahead
+        The threads.
+    read
+        Returns what a key stands for; it may be called in any of the threads.
+    size_of
+        Returns its number of bytes.
+    """
+
+    def __init__(
+        self,
+        ahead: ReadAhead,
+        read: Callable[[_Key], _Value],
+        size_of: Callable[[_Value], int],
+    ) -> None:
         self._ahead = ahead
-        self._coming: deque[str] = deque()
-        self._begun: dict[str, tuple[Future[bytes], int]] = {}
+        self._read = read
+        self._size_of = size_of
+        self._coming: deque[_Key] = deque()
+        self._begun: dict[_Key, tuple[Future[_Value], int]] = {}
         self._size = 0  # of the last one in bytes; 0 before it is known
 
-    def expect(self, names: Iterable[str]) -> None:
-        """Say which blobs come next, in their order, instead of those that were expected."""
+    def expect(self, keys: Iterable[_Key]) -> None:
+        """Say which keys come next, in their order, instead of those that were expected."""
         self.let_go()
-        self._coming = deque(names)
+        self._coming = deque(keys)
 
-    def get(self, name: str) -> bytes:
-        """Return a blob; raises as `Blobs.get`."""
-        begun = self._begun.pop(name, None)
-        if begun is None and name in self._coming:
-            self._coming.remove(name)
+    def get(self, key: _Key) -> _Value:
+        """Return what the key stands for; raises as what reads it."""
+        begun = self._begun.pop(key, None)
+        if begun is None and key in self._coming:
+            self._coming.remove(key)
         self._begin()
-        content = self._ahead.read(name) if begun is None else self._ahead.result(*begun)
-        self._size = len(content)
-        return content
+        value = self._ahead.read(self._read, key) if begun is None else self._ahead.result(*begun)
+        self._size = self._size_of(value)
+        return value
 
     def let_go(self) -> None:
         """Keep nothing in memory; what is expected still is, and will be read again."""
@@ -99,7 +118,7 @@ class Series:
 
     def _begin(self) -> None:
         while self._size and self._coming and len(self._begun) < MOST:
-            begun = self._ahead.begin(self._coming[0], self._size)
+            begun = self._ahead.begin(self._read, self._coming[0], self._size)
             if begun is None:
                 return
             self._begun[self._coming.popleft()] = begun, self._size

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
@@ -20,6 +20,8 @@ from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.served import Served
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.scene_roots import at_home
+
+_Value = TypeVar("_Value")
 
 
 class StoredBlob(NamedTuple):
@@ -119,8 +121,8 @@ class Blobs:
         with self._reading(name):
             return self._place.read(name)
 
-    def result_of(self, read: "Future[bytes]") -> bytes:
-        """The bytes that another thread reads by `get`, for which this one waits in its place."""
+    def result_of(self, read: "Future[_Value]") -> _Value:
+        """What another thread reads by `get`, for which this one waits in its place."""
         with self._calling(FileNotFoundError):
             return read.result()
 

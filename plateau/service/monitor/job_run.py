@@ -63,13 +63,13 @@ class JobRun:
         self._point: dict[str, Any] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._decided: Round | None = None  # by the image that was judged last
-        self._series = ahead.series()
+        self._ahead = ahead
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._begin(job)
 
     def _begin(self, job: Job) -> None:
         """Begin with what is left of the job; anew once its variant has decided the allocation."""
-        self._films = Films(self.owned, self._owners, self._series, job.spec)
+        self._films = Films(self.owned, self._owners, self._blobs, self._ahead, job.spec)
         self._results = ResultSets(self.owned, self._owners, self._blobs, job.spec)
         self._merge = self._checkpoints.recover(job.spec, self._judge)
         recovered = self._merge.slices

@@ -65,6 +65,7 @@ class Known:
     flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     reach: int = 1  #: by how much more than `enough` is planned, as workers had to wait
+    awaited: int = -1  #: slices before this one were planned when the ledger was last read
     shown_spp: int = 0  #: of the image that this monitor showed last
     shown_at_s: float = float("-inf")  #: when it last showed an image after the first
     shown_in_s: float = 0.0  #: what that took
@@ -76,6 +77,7 @@ class Known:
     enough: int = 0  #: slices beyond the merged ones that keep every worker busy
     ledger: Ledger = Ledger.UNREAD
     in_hand: int = 0  #: slices that were read from the ledger and are not yet merged
+    is_dry: bool = False  #: whether it had every slice that was awaited: workers wait for more
     is_being_denoised: bool = False  #: the merged image
     lost: bool = False  #: whether a partial was lost or damaged
     sought_glimpse: bool = False  #: whether the monitor looked for the first pass
@@ -134,11 +136,6 @@ class Known:
         """
         missing = self.stop - self.planned
         return missing > (self.planned - self.merged) // 8
-
-    @property
-    def is_dry(self) -> bool:
-        """Whether every planned slice is there, and not yet merged: workers wait for more."""
-        return 0 < self.in_hand == self.planned - self.merged
 
     @property
     def stop(self) -> int:
@@ -266,6 +263,7 @@ class Known:
             at_s=at_s,
             ledger=Ledger.UNREAD,
             in_hand=0,
+            is_dry=False,
             is_being_denoised=False,
             lost=False,
             sought_glimpse=False,
@@ -297,10 +295,16 @@ class Known:
     def with_slices(self, found: int, asked: int) -> "Known":
         """Of the slices asked for, this many are committed."""
         ledger = Ledger.READ if found < asked else Ledger.PARTLY_READ
-        known = replace(self, in_hand=found, ledger=ledger)
         # Workers were faster than this monitor's judging: more slices keep them busy meanwhile.
-        reach = min(2 * self.reach, _FURTHEST) if known.is_dry else self.reach
-        return replace(known, reach=reach)
+        is_dry = found > 0 and self.merged + found >= self.awaited >= 0
+        return replace(
+            self,
+            in_hand=found,
+            ledger=ledger,
+            is_dry=is_dry,
+            reach=min(2 * self.reach, _FURTHEST) if is_dry else self.reach,
+            awaited=self.planned,
+        )
 
     def with_slice_merged(self) -> "Known":
         """The next slice is in the sums."""

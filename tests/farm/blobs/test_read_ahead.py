@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.blobs import read_ahead
-from plateau.farm.blobs.read_ahead import THREADS, ReadAhead
+from plateau.farm.blobs.read_ahead import THREADS, ReadAhead, Series
 from plateau.farm.blobs.store import Blobs
 from tests.support.until import until
 
@@ -52,13 +52,17 @@ def ahead(far: FarStore) -> Iterator[ReadAhead]:
 def slow(ahead: ReadAhead, far: FarStore) -> None:
     """Have it learn how slow the store is."""
     for name in NAMES[:4]:
-        ahead.read(name)
+        ahead.read(far.get, name)
     far.asked.clear()
+
+
+def series_of(ahead: ReadAhead, far: FarStore) -> Series[str, bytes]:
+    return Series(ahead, far.get, len)
 
 
 def test_a_slow_store_is_asked_for_several_at_a_time(far: FarStore, ahead: ReadAhead) -> None:
     slow(ahead, far)
-    series = ahead.series()
+    series = series_of(ahead, far)
     series.expect(NAMES)
     assert series.get(NAMES[0])[0] == 0
     # Whoever asks for the second one has as many asked for as there are threads
@@ -79,7 +83,7 @@ def test_a_fast_store_is_asked_for_one_after_another(
     far: FarStore, ahead: ReadAhead, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(read_ahead, "SLOW_S", 60)
-    series = ahead.series()
+    series = series_of(ahead, far)
     series.expect(NAMES)
     for place, name in enumerate(NAMES):
         series.get(name)
@@ -91,7 +95,7 @@ def test_memory_is_bounded_over_all_series(
 ) -> None:
     monkeypatch.setattr(read_ahead, "MOST_BYTES", 5 * SIZE)
     slow(ahead, far)
-    one, other = ahead.series(), ahead.series()
+    one, other = series_of(ahead, far), series_of(ahead, far)
     for series, names in ((one, NAMES[:20]), (other, NAMES[20:])):
         series.expect(names)
         series.get(names[0])  # of the first one the size is unknown
@@ -108,7 +112,7 @@ def test_memory_is_bounded_over_all_series(
 def test_an_error_comes_in_the_turn_of_its_blob(far: FarStore, ahead: ReadAhead) -> None:
     slow(ahead, far)
     far.delete(NAMES[3])
-    series = ahead.series()
+    series = series_of(ahead, far)
     series.expect(NAMES[:6])
     assert [series.get(name)[0] for name in NAMES[:3]] == [0, 1, 2]
     with pytest.raises(FileNotFoundError, match="000003"):
@@ -121,7 +125,7 @@ def test_whoever_waits_for_a_thread_is_seen_to_wait_for_the_store(
 ) -> None:
     slow(ahead, far)
     far.may_answer.clear()
-    begun = ahead.begin(NAMES[0], SIZE)
+    begun = ahead.begin(far.get, NAMES[0], SIZE)
     assert begun is not None
     waiting = threading.Thread(target=lambda: ahead.result(begun, SIZE))
     waiting.start()

@@ -12,8 +12,10 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.service.monitor import steps
+from plateau.service.monitor.decisions import next_step
 from plateau.service.monitor.look_ahead import SPARE, LookAhead, enough
-from tests.service.monitor.decided_job import made_job
+from tests.service.monitor.decided_job import DecidedJob, DecidingMonitor, Rules, made_job
 from tests.support.farms.ledger_farm import about
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.until import until
@@ -88,6 +90,26 @@ def test_before_its_first_point_a_job_may_end_at_its_second() -> None:
     assert LookAhead.of(job(points=0)).stop(PLAN, 0, ENOUGH) == 8
     # But a rule that needs more evaluations cannot
     assert LookAhead.of(job("reverse", points=0)).stop(PLAN, 0, ENOUGH) == 33
+
+
+@pytest.mark.parametrize(("is_slow", "furthest"), [(False, 3), (True, 8 * 3)])
+def test_a_monitor_that_is_slower_than_its_workers_plans_further_ahead(
+    is_slow: bool, furthest: int
+) -> None:
+    made = DecidedJob(JobSpec(max_spp=5000, allocation="frame", rule="reverse"), Rules())
+    monitor, seen = DecidingMonitor(made, 3), 0
+
+    def meanwhile(_: int) -> None:
+        nonlocal seen
+        seen = max(seen, made.planned - monitor.sums)
+        if is_slow and isinstance(next_step(monitor.known), steps.MergeSlice | steps.JudgeImage):
+            for _ in range(100):  # all that is planned
+                made.commit(0)
+
+    while not made.finished:
+        monitor.turn(meanwhile=meanwhile)
+        made.commit(0)
+    assert seen == furthest
 
 
 def test_a_monitor_that_takes_over_knows_what_was_forecast() -> None:
