@@ -14,6 +14,12 @@ from plateau.terminal.progress import LiveProgress, PlainProgress, progress_on
 from tests.support.farms.staged_job import StagedJob
 
 
+@pytest.fixture(autouse=True)
+def terminal_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal that can, wherever the tests run."""
+    monkeypatch.setenv("TERM", "xterm")
+
+
 def shown(
     client: redis.Redis,
     *,
