@@ -24,6 +24,7 @@ import psutil
 
 from bench.support.processes import timed
 from bench.support.report import machine_table, write_report
+from plateau.client.events import is_rendered
 from plateau.engines.front import VARIABLE
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import FixedSpec, JobSpec
@@ -31,10 +32,18 @@ from plateau.processes.interrupts import Interrupts
 from plateau.rendering.own_farm import checked_settings, own_farm
 from plateau.scenes import path_of
 
-_WORKERS: Final = (1, 2, 4)  #: of one thread each
-_SIZE, _SPP = 256, 400
 _LOOK_S: Final = 0.05
 _OURS: Final = "PLATEAU_BENCH"  #: what our nodes have in their environment, new for each run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is rendered, and where."""
+
+    engines: tuple[str, ...] = ("slurm", "ray")
+    workers: tuple[int, ...] = (1, 2, 4)  #: of one thread each
+    size: int = 256  #: of the image, in pixels
+    spp: int = 400
 
 
 @dataclass(frozen=True)
@@ -49,11 +58,12 @@ class Run:
 
 
 def main() -> None:
-    found = measure()
+    plan = Plan()
+    found = measure(plan)
     rows = [
         [name, f"{run.first_s:.1f}", f"{run.total_s:.1f}", run.share] for name, run in found.items()
     ]
-    settings = {"image": f"{_SIZE}×{_SIZE}, {_SPP} spp"}
+    settings = {"image": f"{plan.size}×{plan.size}, {plan.spp} spp"}
     tables = {
         "engines": [["", "first slice, s", "all of it, s", "share of node time"], *rows],
         "engines-machine": machine_table(settings, [run.others for run in found.values()][:1]),
@@ -61,26 +71,26 @@ def main() -> None:
     write_report("engines", tables, settings=settings, document="performance.md")
 
 
-def measure() -> dict[str, Run]:
+def measure(plan: Plan) -> dict[str, Run]:
     """Measure every run, by its name; raise if an image is not that of the first."""
-    render(None, 1)  # compiles, and reads files
-    found = {"this machine, 1 worker": render(None, 1)}
-    for engine in ("slurm", "ray"):
+    render(plan, None, 1)  # compiles, and reads files
+    found = {"this machine, 1 worker": render(plan, None, 1)}
+    for engine in plan.engines:
         with _ray() if engine == "ray" else nullcontext():
-            for workers in _WORKERS:
+            for workers in plan.workers:
                 name = f"{engine}, {workers} worker{'s' * (workers > 1)}"
-                found[name] = render(engine, workers)
+                found[name] = render(plan, engine, workers)
                 print(name, found[name], flush=True)
     if len({run.sha256 for run in found.values()}) > 1:
         raise AssertionError(f"the images differ: {found}")
     return found
 
 
-def render(on: str | None, workers: int) -> Run:
+def render(plan: Plan, on: str | None, workers: int) -> Run:
     """Render the job once, on a farm of its own."""
     spec = JobSpec(
-        parameters={"width": str(_SIZE), "height": str(_SIZE)},
-        rule=FixedSpec(spp=_SPP),
+        parameters={"width": str(plan.size), "height": str(plan.size)},
+        rule=FixedSpec(spp=plan.spp),
         allocation={"name": "frame"},
     )
     scene = path_of(Path("scenes:box"))
@@ -89,17 +99,16 @@ def render(on: str | None, workers: int) -> Run:
         began, first = time.time(), 0.0
         with (
             Interrupts(signal.SIGINT) as asked,
-            own_farm(settings, asked, spec, workers=workers, threads=1, tell=print, on=on) as own,
+            own_farm(settings, asked, spec, workers=workers, threads=1, tell=print, on=on) as farm,
         ):
-            farm, client = own
-            job = client.submit(scene, spec)
-            for event in client.events(job.id):
+            job = farm.client.submit(scene, spec)
+            for event in farm.client.events(job.id):
                 farm.check()
                 first = first or (event.at.timestamp() if event.type == "slice" else 0.0)
-                if event.type == "state" and client.job(job.id).state.ended:
+                if is_rendered(event, job.spec):
                     farm.give_back()
-            job = client.job(job.id)
-            image = decode_image(client.image(job.id, "image.exr"))
+            job = farm.client.job(job.id)
+            image = decode_image(farm.client.image(job.id, "image.exr"))
     nodes_s = sum(end - start for start, end in nodes.values())
     share = f"{job.machine_s / nodes_s:.0%}" if nodes_s else "–"
     sha256 = hashlib.sha256(image.tobytes()).hexdigest()

@@ -11,6 +11,7 @@
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Event
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
 
@@ -90,3 +91,19 @@ def typed(event: Event) -> Event:
     """The event as an instance of the class for its type."""
     kind = _KINDS.get(event.type, Event)
     return kind(id=event.id, type=event.type, data=event.data, at=event.at)
+
+
+def is_rendered(event: Event, spec: JobSpec) -> bool:
+    """Whether the job, which has this spec, needs no more samples after the event.
+
+    So it is once it has ended, or at the point at which its rule or its cap ends it: then its last
+    pictures are made, before it ends.
+    """
+    if isinstance(event, StateEvent):
+        return event.state.ended
+    if not isinstance(event, PointEvent) or spec.shot is not None:  # which may go on
+        return False
+    point = event.point
+    said = point.rules.get(spec.rule.name)
+    stops = said is not None and said.stop and point.spp >= (spec.min_spp or 0)
+    return stops or point.spp >= spec.max_spp

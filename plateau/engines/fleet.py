@@ -74,12 +74,12 @@ class Fleet:
             raise self._error
 
     def give_back(self) -> None:
-        """End all workers at once, and ask for none any more."""
-        if not self._over.is_set():
-            with self._asking:
+        """End all workers at once, and ask for none any more; in any thread, as often as it may."""
+        with self._asking:
+            if not self._over.is_set():
                 self._over.set()
-            self._engine.release()
-            self._thread.join(_PATIENCE_S)
+                self._engine.release()
+        self._thread.join(_PATIENCE_S)
 
     def _keep(self) -> None:
         try:

@@ -26,8 +26,14 @@ _CANCEL_S: Final = 300.0
 Tick = Callable[[JobView], None]
 
 
-def follow(client: Client, job_id: str, shown: Progress, tick: Tick) -> JobView:
-    """The job once it is finished; `tick` is called in this thread."""
+def follow(
+    client: Client,
+    job_id: str,
+    shown: Progress,
+    tick: Tick,
+    on_event: Callable[[Event], object] = lambda _: None,
+) -> JobView:
+    """The job once it is finished; `tick` and `on_event` are called in this thread."""
     happened: queue.SimpleQueue[Event | Exception | None] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -55,6 +61,7 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Tick) -> JobView:
                     raise item
                 if item is None:
                     break
+                on_event(item)
                 is_stale = True
                 if item.type != "slice":
                     job, fetched_at = _fetch(client, job_id, shown)

@@ -7,17 +7,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import Any, Final
 
 from plateau.client import ApiError, Client
+from plateau.client.events import is_rendered
 from plateau.client.submission import spec_of
 from plateau.errors import needs
 from plateau.farm.bundle import BundleError
 from plateau.farm.model.errors import InvalidSpec
+from plateau.farm.model.job import Event
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.farm.wire.views import JobView
 from plateau.rendering.mapped import Mapped, Task
 from plateau.rendering.result import IMAGE, Result
 
@@ -30,14 +34,27 @@ _NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
 
 
 class MappedJobs:
-    """The images that are under way on a farm."""
+    """The images that are under way on a farm.
 
-    def __init__(self, client: Client, spec: JobSpec, window: int, *, independent: bool) -> None:
+    `when_rendered` is called, in any thread, once no job of any needs another sample, however long
+    it takes until all are fetched and taken.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        spec: JobSpec,
+        window: int,
+        *,
+        independent: bool,
+        when_rendered: Callable[[], None],
+    ) -> None:
         self._client = client
         self._window, self._chunk = window, max(1, window // 3)
         self._name = f"map-{secrets.token_hex(4)}"
         self._batches = 0
         self._lock = threading.Lock()
+        self._when_rendered, self._all_read, self._to_render = when_rendered, False, 0
         self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
         self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
         self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
@@ -53,31 +70,32 @@ class MappedJobs:
 
     def results(self, tasks: Iterator[Task], *, ordered: bool) -> Iterator[Mapped | None]:
         """Yield each image, and None a few times a second while there is none."""
-        submissions: set[Future[list[tuple[Task, Any]]]] = set()
+        submissions: set[Future[list[tuple[Task, Future[Mapped] | str]]]] = set()
         fetches: set[Future[Mapped]] = set()
         ready: dict[int, Mapped] = {}
         following: list[int] = []  # in their order, those that were not yielded
         waiting: list[Task] = []
         while True:
             # One submission at a time keeps jobs in the order of their tasks.
+            self._read(tasks, waiting)
             room = self._window - len(following)
-            if not submissions and room >= self._chunk:
-                waiting += islice(tasks, self._chunk - len(waiting))
-                if alike := _alike(waiting):
-                    del waiting[: len(alike)]
-                    following += [one.index for one in alike]
-                    submissions.add(self._pool.submit(self._submit, alike))
+            if waiting and not submissions and room >= self._chunk:
+                alike = _alike(waiting)
+                del waiting[: len(alike)]
+                self._read(tasks, waiting)
+                following += [one.index for one in alike]
+                submissions.add(self._pool.submit(self._submit, alike))
             if not following:
                 return
             under_way: set[Future[Any]] = {*submissions, *fetches}
             now = wait(under_way, _TICK_S, FIRST_COMPLETED).done
             for made in submissions & now:
                 submissions.discard(made)
-                for task, jobs in made.result():
-                    if isinstance(jobs, str):
-                        ready[task.index] = Mapped(task=task, failure=jobs)
+                for task, fetch in made.result():
+                    if isinstance(fetch, str):
+                        ready[task.index] = Mapped(task=task, failure=fetch)
                     else:
-                        fetches.add(self._pool.submit(self._fetch, task, jobs))
+                        fetches.add(fetch)
             for done in fetches & now:
                 fetches.discard(done)
                 ready[done.result().index] = done.result()
@@ -94,8 +112,24 @@ class MappedJobs:
             with suppress(Exception):
                 self._client.cancel_batch(batch)
 
-    def _submit(self, tasks: Sequence[Task]) -> list[tuple[Task, Any]]:
-        """Submit alike tasks; returns for each the ids of its jobs, or why there is none."""
+    def _read(self, tasks: Iterator[Task], waiting: list[Task]) -> None:
+        """Have a chunk of tasks at hand, so that the last ones are known as such."""
+        lacking = self._chunk - len(waiting)
+        read = [*islice(tasks, lacking)] if lacking > 0 else []
+        waiting += read
+        self._count(len(read), all_read=len(read) < lacking)
+
+    def _count(self, tasks: int, *, all_read: bool = False) -> None:
+        """Count tasks that are to be rendered; negative numbers take away what is."""
+        with self._lock:
+            self._to_render += tasks
+            self._all_read = self._all_read or all_read
+            is_over = self._all_read and self._to_render == 0
+        if is_over:
+            self._when_rendered()
+
+    def _submit(self, tasks: Sequence[Task]) -> list[tuple[Task, Future[Mapped] | str]]:
+        """Submit alike tasks; returns for each what fetches it, or why there is nothing."""
         try:
             made = [self._jobs(tasks, spec, far * _APART) for far, spec in enumerate(self._specs)]
         except (BundleError, InvalidSpec, ApiError, _MakerFailed) as error:
@@ -104,13 +138,17 @@ class MappedJobs:
             ):
                 raise
             if len(tasks) == 1:
+                self._count(-1)
                 return [(tasks[0], str(error))]
             middle = len(tasks) // 2  # the others are not to blame
             return self._submit(tasks[:middle]) + self._submit(tasks[middle:])
-        return list(zip(tasks, zip(*made, strict=True), strict=True))
+        return [
+            (task, self._pool.submit(self._fetch, task, jobs))
+            for task, jobs in zip(tasks, zip(*made, strict=True), strict=True)
+        ]
 
-    def _jobs(self, tasks: Sequence[Task], spec: JobSpec, apart: int) -> list[str]:
-        """The ids of the jobs of alike tasks, in their order."""
+    def _jobs(self, tasks: Sequence[Task], spec: JobSpec, apart: int) -> list[JobView]:
+        """The jobs of alike tasks, in their order."""
         first = tasks[0]
         self._batches += 1
         name = f"{self._name}-{self._batches}"
@@ -133,12 +171,21 @@ class MappedJobs:
             self._known[path] = jobs[0].scene_sha256
         with self._lock:
             self._open[name] = {job.id for job in jobs}
-        by_frame = {(job.spec.frame_seed - frame) % JOB_SEEDS: job.id for job in jobs}
+        by_frame = {(job.spec.frame_seed - frame) % JOB_SEEDS: job for job in jobs}
         return [by_frame[place] for place in range(len(tasks))]
 
-    def _fetch(self, task: Task, jobs: Sequence[str]) -> Mapped:
+    def _fetch(self, task: Task, jobs: Sequence[JobView]) -> Mapped:
         """Wait for the jobs of a task, and fetch them."""
-        results = [self._fetched(job_id) for job_id in jobs]
+        left = {job.id for job in jobs}
+
+        def heard(job: JobView, event: Event) -> None:
+            if job.id in left and is_rendered(event, job.spec):
+                left.discard(job.id)
+                if not left:
+                    self._count(-1)
+
+        done = [self._client.wait(job.id, on_event=partial(heard, job)) for job in jobs]
+        results = [self._fetched(job) for job in done]
         failed = next((one for one in results if not one.has_image), None)
         found = Mapped(task=task, result=results[0], noisy=(*results, None)[1])
         if failed is not None:
@@ -150,13 +197,12 @@ class MappedJobs:
             return replace(found, failure=why)
         return found
 
-    def _fetched(self, job_id: str) -> Result:
-        job = self._client.wait(job_id)
+    def _fetched(self, job: JobView) -> Result:
         result = Result.fetched(self._client, job, (IMAGE,), with_curve=self._has_values)
         batch = job.spec.batch or ""
         with self._lock:
-            jobs = self._open.get(batch, {job_id})
-            jobs.discard(job_id)
+            jobs = self._open.get(batch, {job.id})
+            jobs.discard(job.id)
         if not jobs:
             with suppress(ApiError):  # such as a key that may not delete
                 self._client.delete_batch(batch)

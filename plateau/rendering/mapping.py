@@ -180,24 +180,24 @@ class Place:
         if self.farm is not None:
             key = self.key or api_key(read_settings())
             with Client(self.farm, key=key, once_heard_s=3600.0) as client:
-                yield _Opened(client, lambda: None, _ON_A_SERVICE)
+                yield _Opened(client, lambda: None, lambda: None, _ON_A_SERVICE)
             return
         from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
         settings = settings_here(self.on)
-        if self.on is None:
-            check_variant(spec.variant, settings.cache)
+        check_variant(spec.variant, settings.cache, self.on)
         workers = self.workers or (workers_for(spec.variant) if self.on is None else 1)
         with own_farm(
             settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell, on=self.on
-        ) as (own, client):
-            yield _Opened(client, own.check, 4 * workers + 8)
+        ) as own:
+            yield _Opened(own.client, own.check, own.give_back, 4 * workers + 8)
 
 
 @dataclass(frozen=True)
 class _Opened:
     client: Client
     check: Callable[[], None]  #: to be called a few times a second
+    give_back: Callable[[], None]  #: to be called when nothing more is to be rendered
     window: int  #: the most images that are submitted and not yet taken
 
 
@@ -232,7 +232,9 @@ def rendered(
     if first is None:
         return
     with place.opened(spec, asked, tell) as farm:
-        run = MappedJobs(farm.client, spec, farm.window, independent=independent)
+        run = MappedJobs(
+            farm.client, spec, farm.window, independent=independent, when_rendered=farm.give_back
+        )
         try:
             for one in run.results(chain([first], iter_tasks), ordered=ordered):
                 if one is not None:
@@ -242,4 +244,5 @@ def rendered(
                 farm.check()
                 tick()
         finally:
+            farm.give_back()
             run.close()

@@ -1,9 +1,11 @@
 """A farm of one's own: processes of this machine, and workers here or on an engine's nodes."""
 
+import math
 import os
 import secrets
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleLimits, inspect_bundle, known_plugins
 from plateau.farm.model.renderers import AUTO, renderer_of, variant_for, variant_named
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
 from plateau.files.packing import pack
 from plateau.metric.kernel_cache import are_compiled
 from plateau.processes.data_folder import DataFolder, is_in_use
@@ -27,6 +30,7 @@ from plateau.worker.supervisor.variants import choose, is_here
 if TYPE_CHECKING:
     from plateau.client import Client
     from plateau.engines.fleet import Fleet
+    from plateau.farm.model.job import Event
     from plateau.farm.process.settings import Settings
     from plateau.farm.wire.views import JobView
     from plateau.terminal.progress import Progress
@@ -34,6 +38,7 @@ if TYPE_CHECKING:
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
 _MOST_WORKERS: Final = 8
+_LOOK_EVERY_S: Final = 2.0
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
 
@@ -64,8 +69,7 @@ def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Sett
         variant = variant_for(spec.variant, found.renderer, is_whole=found.is_whole)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
-    if on is None:
-        check_variant(variant, settings.cache)
+    check_variant(variant, settings.cache, on)
     return settings
 
 
@@ -93,9 +97,11 @@ def workers_for(variant: str) -> int:
 class OwnFarm:
     """A farm of one's own: the processes of this machine, and the nodes of an engine."""
 
+    client: "Client"
     _tree: Tree
     _fleet: "Fleet | None"
     _tell: Callable[[str], None]
+    _look_at_s: float = 0.0  #: whether a job waits for other nodes than came
 
     def check(self) -> None:
         """Restart what died, and pass on news; call it a few times a second.
@@ -106,10 +112,16 @@ class OwnFarm:
         self._tree.check()
         if self._fleet is not None:
             self._fleet.check(self._tell)
+            if self._fleet.heard and time.monotonic() >= self._look_at_s:
+                self._look_at_s = time.monotonic() + _LOOK_EVERY_S
+                self._say_what_waits()
 
-    def has_nodes(self) -> bool:
-        """Whether a worker of an engine's has come."""
-        return self._fleet is not None and self._fleet.heard
+    def _say_what_waits(self) -> None:
+        """Say once what none of the nodes that came can render."""
+        for job in self.client.all_jobs(state=JobState.QUEUED, limit=1):
+            if job.waits_for:
+                self._tell(f"job {job.name} {job.waits_for}")
+                self._look_at_s = math.inf
 
     def give_back(self) -> None:
         """Give the engine's nodes back at once: nothing more is to be rendered."""
@@ -132,8 +144,8 @@ def own_farm(
     threads: int | None,
     tell: Callable[[str], None],
     on: str | None = None,
-) -> Iterator[tuple[OwnFarm, "Client"]]:
-    """A farm for as long as the context lasts, and its client; call its `check` often.
+) -> Iterator[OwnFarm]:
+    """A farm for as long as the context lasts; call its `check` often.
 
     Parameters
     ----------
@@ -186,7 +198,7 @@ def own_farm(
         from plateau.client import Client
 
         client = stack.enter_context(Client(tree.await_api(), patience_s=_PATIENCE_S))
-        yield OwnFarm(tree, fleet, tell), client
+        yield OwnFarm(client, tree, fleet, tell)
 
 
 def render_alone(
@@ -228,18 +240,18 @@ def render_alone(
         threads=threads,
         tell=lambda line: shown.note(line),
         on=on,
-    ) as (farm, client):
-        shown = progress(client)
-        job = _run(client, scene, spec, farm, interrupts, shown)
-        return job, fetch(client, job, farm.wind_down)
+    ) as farm:
+        shown = progress(farm.client)
+        job = _run(scene, spec, farm, interrupts, shown)
+        return job, fetch(farm.client, job, farm.wind_down)
 
 
-def check_variant(variant: str, cache: Path) -> None:
-    """Refuse a variant that the workers will lack: the job would wait for ever.
+def check_variant(variant: str, cache: Path, on: str | None) -> None:
+    """Refuse a variant that the workers of this machine will lack: the job would wait for ever.
 
-    The cache keeps the result, so the workers need not try again.
+    The cache keeps the result, so the workers need not try again. An engine's are not here yet.
     """
-    if variant == "auto":
+    if variant == "auto" or on is not None:
         return
     if not is_here(variant):
         missing = renderer_of(variant).missing
@@ -256,34 +268,26 @@ def check_variant(variant: str, cache: Path) -> None:
 
 
 def _run(
-    client: "Client",
-    scene: Path,
-    spec: JobSpec,
-    farm: OwnFarm,
-    interrupts: Interrupts,
-    shown: "Progress",
+    scene: Path, spec: JobSpec, farm: OwnFarm, interrupts: Interrupts, shown: "Progress"
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
+    from plateau.client.events import is_rendered
     from plateau.rendering.follow import cancelling, follow
 
-    job = client.submit(scene, spec)
+    job = farm.client.submit(scene, spec)
     if not are_compiled():
         shown.note("compiling the model of vision, once on this machine: it takes half a minute")
-    cancel_if_asked = cancelling(client, job.id, interrupts, shown)
-    waits_for: str | None = None
+    cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)
 
-    def tick(job: "JobView") -> None:
-        nonlocal waits_for
-        if job.state.ended:  # its results are still to come
-            farm.give_back()
-        elif job.waits_for and farm.has_nodes() and not waits_for:
-            waits_for = client.job(job.id).waits_for
-            if waits_for:  # none of the workers that have come can render it
-                shown.note(f"the job {waits_for}")
+    def tick(now: "JobView") -> None:
         farm.check()
-        cancel_if_asked(job)
+        cancel_if_asked(now)
 
-    return follow(client, job.id, shown, tick)
+    def heard(event: "Event") -> None:
+        if is_rendered(event, job.spec):
+            farm.give_back()
+
+    return follow(farm.client, job.id, shown, tick, heard)
 
 
 @contextmanager
