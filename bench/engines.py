@@ -23,7 +23,7 @@ from typing import Final
 import psutil
 
 from bench.support.processes import timed
-from bench.support.report import machine_table, write_report
+from bench.support.report import Table, machine_table, write_report
 from plateau.client.events import is_rendered
 from plateau.engines.front import VARIABLE
 from plateau.farm.images.exr import decode_image
@@ -45,6 +45,11 @@ class Plan:
     size: int = 256  #: of the image, in pixels
     spp: int = 400
 
+    @property
+    def settings(self) -> dict[str, str]:
+        """What the report says of it."""
+        return {"image": f"{self.size}×{self.size}, {self.spp} spp"}
+
 
 @dataclass(frozen=True)
 class Run:
@@ -59,16 +64,20 @@ class Run:
 
 def main() -> None:
     plan = Plan()
-    found = measure(plan)
+    write_report(
+        "engines", tables(plan, measure(plan)), settings=plan.settings, document="performance.md"
+    )
+
+
+def tables(plan: Plan, found: dict[str, Run]) -> dict[str, Table]:
+    """Return the tables: a line for each run, and the machine."""
     rows = [
         [name, f"{run.first_s:.1f}", f"{run.total_s:.1f}", run.share] for name, run in found.items()
     ]
-    settings = {"image": f"{plan.size}×{plan.size}, {plan.spp} spp"}
-    tables = {
+    return {
         "engines": [["", "first slice, s", "all of it, s", "share of node time"], *rows],
-        "engines-machine": machine_table(settings, [run.others for run in found.values()][:1]),
+        "engines-machine": machine_table(plan.settings, [run.others for run in found.values()][:1]),
     }
-    write_report("engines", tables, settings=settings, document="performance.md")
 
 
 def measure(plan: Plan) -> dict[str, Run]:

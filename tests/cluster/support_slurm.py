@@ -141,6 +141,11 @@ class Slurm:
         rows = self.run("squeue", "--noheader", "--array", "-o", "%i %T", *options)
         return dict(row.split() for row in rows.splitlines())
 
+    def empty(self) -> None:
+        """Cancel everything, and wait until it is gone."""
+        self.run("scancel", "--user=root")
+        until(lambda: not self.jobs())
+
     def end_of(self, job: str) -> tuple[str, str]:
         """How a job ended: its state and its exit code."""
         told = self.run("scontrol", "--oneliner", "show", "job", job)
@@ -239,4 +244,5 @@ if __name__ == "__main__":  # runs a command beside such a Slurm: python -m … 
         path = f"{os.environ['PATH']}:/usr/sbin:/sbin"
         with Slurm(Path(made), lambda name: Path(shutil.which(name, path=path) or name)) as slurm:
             done = subprocess.run(sys.argv[1:], env={**os.environ, **slurm.environment})
+            slurm.empty()
     sys.exit(done.returncode)

@@ -1,7 +1,7 @@
 """`plateau render --on ray`, on a real Ray whose nodes come and go: Ray's own cluster utility."""
 
+import json
 import os
-import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -17,9 +17,10 @@ from tests.cluster.support_engines import (
     UNFIT,
     Run,
     alone,
+    are_back_before_the_results,
     commands,
-    interpreter,
-    result_of,
+    is_refused,
+    stopping,
 )
 from tests.support.until import until
 
@@ -29,17 +30,21 @@ PYTHON = TOOLS.parent / "ray" / "bin" / "python"
 
 #: A head without processors, and nodes with one each, as standard input asks for.
 CLUSTER = """
-import sys
+import os, sys, ray
 from ray.cluster_utils import Cluster
+answers = os.fdopen(os.dup(1), "w", buffering=1)
+os.dup2(2, 1)  # for what Ray says
 head = {"num_cpus": 0, "include_dashboard": False, "temp_dir": sys.argv[1]}
 cluster, nodes = Cluster(initialize_head=True, head_node_args=head), []
-print(cluster.address, flush=True)
+ray.init(cluster.address)
+print(cluster.address, file=answers)
 for line in sys.stdin:
     if line == "add\\n":
         nodes.append(cluster.add_node(num_cpus=1))
-    else:
+    elif line == "die\\n":
         cluster.remove_node(nodes.pop(), allow_graceful=False)
-    print(len(nodes), flush=True)
+    free = ray.available_resources().get("CPU", 0)
+    print(free if line == "free\\n" else len(nodes), file=answers)
 cluster.shutdown()
 """
 
@@ -64,6 +69,11 @@ class RayCluster:
         while self._nodes != nodes:
             print("add" if self._nodes < nodes else "die", file=self.process.stdin, flush=True)
             self._nodes = int(self._answer())
+
+    def free(self) -> float:
+        """The processors that nobody uses."""
+        print("free", file=self.process.stdin, flush=True)
+        return float(self._answer())
 
     def _answer(self) -> str:
         assert self.process.stdout is not None
@@ -98,7 +108,7 @@ def nodes() -> list[psutil.Process]:
 def test_one_command_uses_what_comes_outlives_what_goes_and_gives_all_back(
     run: Run, cluster: RayCluster, tmp_path: Path
 ) -> None:
-    command = run("--workers", "3")
+    command = run("--workers", "3", **stopping(tmp_path))
     command.wait_for(r"nodes: 0 of 3 workers run; 3 wait \(for 1 CPU; no node has as much\)")
     # Nodes that come are used
     cluster.have(2)
@@ -106,10 +116,24 @@ def test_one_command_uses_what_comes_outlives_what_goes_and_gives_all_back(
     command.wait_for(r"\b200 spp")
     # One that dies takes the slices in its hands with it, and nothing else
     cluster.have(1)
-    # Then the image and the curve are those of one worker on one machine
-    assert result_of(command, tmp_path / "out") == alone(tmp_path / "alone")
+    # Then its nodes are free before there are results, which are those of one worker on one machine
+    found = are_back_before_the_results(
+        command, tmp_path / "out", lambda: not nodes() and cluster.free() == 1
+    )
+    assert found == alone(tmp_path / "alone")
     command.is_gone()
-    until(lambda: not nodes())
+
+
+def test_a_data_set_is_made_and_its_nodes_are_given_back(
+    run: Run, cluster: RayCluster, tmp_path: Path
+) -> None:
+    cluster.have(2)
+    command = run("--workers", "2", dataset=True)
+    assert command.exit_code() == 0, command.said
+    lines = (tmp_path / "out" / "manifest.jsonl").read_text().splitlines()
+    assert [json.loads(line)["spp"] for line in lines] == [64] * 6
+    command.is_gone()
+    until(lambda: not nodes() and cluster.free() == 2)
 
 
 @pytest.mark.parametrize("node", UNFIT)
@@ -117,12 +141,7 @@ def test_a_node_that_cannot_work_ends_it_at_once(
     node: str, run: Run, cluster: RayCluster, tmp_path: Path
 ) -> None:
     cluster.have(2)
-    program, words = UNFIT[node]
-    command = run("--workers", "2", PLATEAU_PYTHON=interpreter(tmp_path, program))
-    assert command.exit_code() == 1
-    assert "no node can work for this run: " in command.said
-    assert re.search(words, command.said), command.said
-    command.is_gone()
+    is_refused(run, node, tmp_path)
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])

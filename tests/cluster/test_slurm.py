@@ -3,7 +3,6 @@
 Real Slurm, two nodes, real signals. The command's own machine is not one of the nodes.
 """
 
-import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
+from bench import engines
 from tests.cluster.support_engines import (
     ENDLESS_JOB,
     JOB,
@@ -20,13 +20,15 @@ from tests.cluster.support_engines import (
     Result,
     Run,
     alone,
+    are_back_before_the_results,
     commands,
-    interpreter,
-    result_of,
+    is_refused,
+    stopping,
 )
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.farms.real_farm import RealFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
+from tests.support.processes.commands import Command
 from tests.support.until import until
 
 #: On a busy machine all of it takes many times as long.
@@ -49,6 +51,21 @@ ENDLESS = SPEC | {"max_spp": 500_000, "rule": {"name": "fixed", "spp": 500_000}}
 
 long = pytest.mark.long_form
 
+#: A program that takes the first image, and the others when it may.
+MAP = """
+import os, time, plateau
+values = [{"width": 48, "height": 48, "intensity": 5 + step} for step in range(5)]
+asked = {"target": "fixed:spp=64", "variant": "scalar_rgb"}
+found = []
+for one in plateau.map("scenes:box", values, workers=2, on="slurm", **asked):
+    found.append(one.index if one.image.any() else one)
+    if len(found) == 1:
+        print("the first of 5", flush=True)
+    while not os.path.exists(os.environ["GO_ON"]):
+        time.sleep(0.02)
+print(sorted(found))
+"""
+
 
 @pytest.fixture(scope="module")
 def cluster(
@@ -62,8 +79,7 @@ def cluster(
 def slurm(cluster: Slurm) -> Iterator[Slurm]:
     """It is empty after each test."""
     yield cluster
-    cluster.run("scancel", "--user=root")
-    until(lambda: not cluster.jobs())
+    cluster.empty()
 
 
 @pytest.fixture(scope="module")
@@ -83,17 +99,17 @@ class TestOneCommand:
     def test_brings_workers_outlives_a_node_and_gives_all_back(
         self, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
     ) -> None:
-        command = run("--workers", "2", "--threads", "2")
+        command = run("--workers", "2", "--threads", "2", **stopping(tmp_path))
         # A worker comes to each node, and says so
         until(lambda: len(slurm.jobs("--states=RUNNING")) == 2, complaint=lambda: command.said)
         assert {slurm.node_of(task) for task in slurm.jobs()} == set(NODES)
         command.wait_for(r"\b200 spp")
         # If a node dies in the middle of its slices
         slurm.kill_node("n1")
-        # Then the other one does the rest, and the image and the curve are those of one worker
-        assert result_of(command, tmp_path / "out") == by_itself
-        # And Slurm has its nodes back, and nothing is left here
-        until(lambda: not slurm.jobs())
+        # Then the other one does the rest, and Slurm has its nodes back before there are results
+        found = are_back_before_the_results(command, tmp_path / "out", lambda: not slurm.jobs())
+        # The image and the curve are those of one worker, and nothing is left here
+        assert found == by_itself
         command.is_gone()
         assert [path.name for path in tmp_path.iterdir() if path.suffix == ".log"] == []
         slurm.start_node("n1")
@@ -103,13 +119,19 @@ class TestOneCommand:
     def test_a_node_that_cannot_work_ends_it_at_once(
         self, node: str, run: Run, slurm: Slurm, tmp_path: Path
     ) -> None:
-        program, words = UNFIT[node]
-        python = interpreter(tmp_path, program)
-        command = run("--workers", "2", PLATEAU_PYTHON=python)
-        assert command.exit_code() == 1
-        assert "no node can work for this run: n" in command.said
-        assert re.search(words, command.said), command.said
+        is_refused(run, node, tmp_path)
         until(lambda: not slurm.jobs())
+
+    def test_a_map_gives_its_nodes_back_while_its_caller_is_busy_with_the_first_image(
+        self, slurm: Slurm, tmp_path: Path
+    ) -> None:
+        told = slurm.environment | {"GO_ON": str(tmp_path / "go on")}
+        command = Command(folder=tmp_path, program=("-c", MAP), **told)
+        command.wait_for("the first of 5")
+        until(lambda: not slurm.jobs(), complaint=lambda: command.said)
+        (tmp_path / "go on").touch()
+        assert command.exit_code() == 0
+        assert "[0, 1, 2, 3, 4]" in command.said
         command.is_gone()
 
     def test_says_what_it_waits_for_and_gives_the_place_in_the_queue_back(
@@ -117,7 +139,7 @@ class TestOneCommand:
     ) -> None:
         slurm.run("sbatch", "--exclusive", "--nodes=2", "--output=/dev/null", "--wrap=sleep 600")
         until(lambda: list(slurm.jobs().values()) == ["RUNNING"])
-        command = run("--workers", "2")
+        command = run("--workers", "2", dataset=True)
         command.wait_for(r"nodes: 0 of 2 workers run; 2 wait \((Resources|Priority)")
         command.process.send_signal(signal.SIGINT)
         assert command.exit_code() == 130
@@ -168,17 +190,28 @@ class TestOneCommand:
     def test_says_what_no_node_that_came_can_do(self, run: Run) -> None:
         job = tuple("cuda_ad_rgb" if one == "scalar_rgb" else one for one in JOB)
         command = run("--workers", "1", job=job)
-        command.wait_for(r"the job waits for .*cuda_ad_rgb")
+        command.wait_for(r"job box waits for .*cuda_ad_rgb")
         command.process.send_signal(signal.SIGINT)
         assert command.exit_code() == 130
 
     @pytest.mark.long_form
     def test_quotes_what_slurm_refuses(self, run: Run, slurm: Slurm) -> None:
-        command = run("--on", "slurm --partition=nowhere")
+        command = run("--on", "slurm --partition=nowhere", dataset=True)
         assert command.exit_code() == 1
-        assert "Slurm's sbatch failed: " in command.said
-        assert "invalid partition specified: nowhere" in command.said
+        assert "Slurm's sbatch failed: invalid partition specified: nowhere; Batch" in command.said
         command.is_gone()
+
+    @pytest.mark.long_form
+    def test_it_is_measured_what_a_farm_costs_that_comes_and_goes(
+        self, cluster: Slurm, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        for name, value in cluster.environment.items():
+            monkeypatch.setenv(name, value)
+        plan = engines.Plan(engines=("slurm",), workers=(2,), size=48, spp=400)
+        there, here = engines.measure(plan)["slurm, 2 workers"], "this machine, 1 worker"
+        assert here in engines.tables(plan, {here: there})["engines"][1]
+        assert there.total_s > there.first_s > 0
+        assert 0 < float(there.share.rstrip("%")) <= 100
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NoReturn
 
-from plateau.engines.contract import Crew, Task, TaskState
+from plateau.engines.contract import Crew, Task, TaskState, one_gpu
 from plateau.errors import CommandFailed, needs
 
 _ANSWER_S: Final = 5.0  #: for the head's first answer
@@ -39,6 +39,8 @@ class Ray:
         parser.add_argument("--num-gpus", type=float, default=0)
         parser.add_argument("--resources", type=json.loads, default={}, metavar="JSON")
         given = parser.parse_args(options)
+        if given.num_gpus > 1:
+            raise CommandFailed(f"--on ray: {one_gpu(f'--num-gpus={given.num_gpus:g}')}")
         with needs("ray"):
             import ray
 
@@ -128,7 +130,7 @@ class Ray:
 def _connect(ray: Any, address: str) -> None:
     """Connect this process to the cluster, and leave its signals as they are."""
     before = signal.getsignal(signal.SIGTERM)
-    host, colon, port = address.rpartition(":")
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
     try:
         if colon and "://" not in host:  # Ray itself would try for minutes
             socket.create_connection((host, int(port)), _ANSWER_S).close()
