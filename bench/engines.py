@@ -23,7 +23,7 @@ from typing import Final
 import psutil
 
 from bench.support.processes import timed
-from bench.support.report import Table, machine_table, write_report
+from bench.support.report import machine_table, write_report
 from plateau.client.events import is_rendered
 from plateau.engines.front import VARIABLE
 from plateau.farm.images.exr import decode_image
@@ -32,7 +32,6 @@ from plateau.processes.interrupts import Interrupts
 from plateau.rendering.own_farm import checked_settings, own_farm
 from plateau.scenes import path_of
 
-_LOOK_S: Final = 0.05
 _OURS: Final = "PLATEAU_BENCH"  #: what our nodes have in their environment, new for each run
 
 
@@ -44,11 +43,6 @@ class Plan:
     workers: tuple[int, ...] = (1, 2, 4)  #: of one thread each
     size: int = 256  #: of the image, in pixels
     spp: int = 400
-
-    @property
-    def settings(self) -> dict[str, str]:
-        """What the report says of it."""
-        return {"image": f"{self.size}×{self.size}, {self.spp} spp"}
 
 
 @dataclass(frozen=True)
@@ -64,20 +58,16 @@ class Run:
 
 def main() -> None:
     plan = Plan()
-    write_report(
-        "engines", tables(plan, measure(plan)), settings=plan.settings, document="performance.md"
-    )
-
-
-def tables(plan: Plan, found: dict[str, Run]) -> dict[str, Table]:
-    """Return the tables: a line for each run, and the machine."""
+    found = measure(plan)
     rows = [
         [name, f"{run.first_s:.1f}", f"{run.total_s:.1f}", run.share] for name, run in found.items()
     ]
-    return {
+    settings = {"image": f"{plan.size}×{plan.size}, {plan.spp} spp"}
+    tables = {
         "engines": [["", "first slice, s", "all of it, s", "share of node time"], *rows],
-        "engines-machine": machine_table(plan.settings, [run.others for run in found.values()][:1]),
+        "engines-machine": machine_table(settings, [run.others for run in found.values()][:1]),
     }
+    write_report("engines", tables, settings=settings, document="performance.md")
 
 
 def measure(plan: Plan) -> dict[str, Run]:
@@ -117,11 +107,10 @@ def render(plan: Plan, on: str | None, workers: int) -> Run:
                 if is_rendered(event, job.spec):
                     farm.give_back()
             job = farm.client.job(job.id)
-            image = decode_image(farm.client.image(job.id, "image.exr"))
+            image = decode_image(farm.client.image(job.id, "image.exr")).tobytes()
     nodes_s = sum(end - start for start, end in nodes.values())
     share = f"{job.machine_s / nodes_s:.0%}" if nodes_s else "–"
-    sha256 = hashlib.sha256(image.tobytes()).hexdigest()
-    return Run(first - began, took.wall_s, share, sha256, took.others)
+    return Run(first - began, took.wall_s, share, hashlib.sha256(image).hexdigest(), took.others)
 
 
 @contextmanager
@@ -132,7 +121,7 @@ def _taken() -> Iterator[dict[int, tuple[float, float]]]:
     ours = os.environ[_OURS] = secrets.token_hex()
 
     def look() -> None:
-        while not over.wait(_LOOK_S):
+        while not over.wait(0.05):
             for one in psutil.process_iter():
                 with suppress(psutil.Error):
                     told = {} if one.name() == "sbatch" else one.environ()

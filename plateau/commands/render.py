@@ -1,6 +1,5 @@
 """`plateau render`: one scene to its results, with a process tree for it alone."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -76,11 +75,10 @@ def render(
 
         return progress_on(Console(stderr=True), curve=not no_curve)
 
-    def write(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> dict[str, Any]:
+    def write(client: "Client", job: "JobView") -> dict[str, Any]:
         from plateau.rendering.outputs import write_or_keep
 
-        # The tree stops while the curve is drawn: nothing more is asked of it.
-        return write_or_keep(client, job, out, when_fetched=when_fetched)
+        return write_or_keep(client, job, out)
 
     with ready(out), Interrupts() as interrupts:
         try:

@@ -150,11 +150,6 @@ class Tree:
         elif time.monotonic() > self._redis_start_at + _REDIS_WELL_S:
             self._redis_backoff.reset()
 
-    def wind_down(self) -> None:
-        """Ask all but Redis to stop, without a wait; call no `check` afterwards."""
-        for member in self._members:
-            member.ask_to_stop()
-
     def stop(self) -> None:
         """Stop workers, monitor, API and Redis in this order, by force after their time."""
         for role in ("worker", "monitor", "api"):

@@ -5,7 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from plateau.client import ApiError, Client
 from plateau.farm.model.job import Event
@@ -22,18 +22,12 @@ _WITHOUT_EVENT_S: Final = 10.0
 _CANCEL_S: Final = 300.0
 
 
-#: Called a few times a second with the job as it was last fetched.
-Tick = Callable[[JobView], None]
+#: Called a few times a second, and with each event of the job.
+Tick = Callable[[Event | None], None]
 
 
-def follow(
-    client: Client,
-    job_id: str,
-    shown: Progress,
-    tick: Tick,
-    on_event: Callable[[Event], object] = lambda _: None,
-) -> JobView:
-    """The job once it is finished; `tick` and `on_event` are called in this thread."""
+def follow(client: Client, job_id: str, shown: Progress, tick: Tick) -> JobView:
+    """The job once it is finished; `tick` is called in this thread."""
     happened: queue.SimpleQueue[Event | Exception | None] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -48,11 +42,13 @@ def follow(
     with shown:
         job, fetched_at = _fetch(client, job_id, shown)
         shown_at, is_stale = fetched_at, False
+        item: Any = None
         while True:
-            tick(job)
+            tick(item)
             try:
                 item = happened.get(timeout=_TICK_S)
             except queue.Empty:
+                item = None
                 if time.monotonic() > shown_at + _SHOW_S:
                     shown.refresh()
                     shown_at = time.monotonic()
@@ -61,7 +57,6 @@ def follow(
                     raise item
                 if item is None:
                     break
-                on_event(item)
                 is_stale = True
                 if item.type != "slice":
                     job, fetched_at = _fetch(client, job_id, shown)
@@ -78,7 +73,7 @@ def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progr
     """A tick for `follow`: an interrupt cancels the job; a second or a long wait raises."""
     asked_at = math.inf
 
-    def tick(_: JobView) -> None:
+    def tick(_: Event | None) -> None:
         nonlocal asked_at
         if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
             raise KeyboardInterrupt

@@ -36,8 +36,8 @@ _NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
 class MappedJobs:
     """The images that are under way on a farm.
 
-    `when_rendered` is called, in any thread, once no job of any needs another sample, however long
-    it takes until all are fetched and taken.
+    `when_rendered` is called, in any thread, once no image needs another sample; it may take long
+    until all are fetched and taken.
     """
 
     def __init__(
@@ -45,16 +45,17 @@ class MappedJobs:
         client: Client,
         spec: JobSpec,
         window: int,
+        when_rendered: Callable[[], None],
         *,
         independent: bool,
-        when_rendered: Callable[[], None],
     ) -> None:
         self._client = client
         self._window, self._chunk = window, max(1, window // 3)
         self._name = f"map-{secrets.token_hex(4)}"
         self._batches = 0
         self._lock = threading.Lock()
-        self._when_rendered, self._all_read, self._to_render = when_rendered, False, 0
+        self._when_rendered = when_rendered
+        self._to_render, self._all_read = 0, False
         self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
         self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
         self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
@@ -70,6 +71,7 @@ class MappedJobs:
 
     def results(self, tasks: Iterator[Task], *, ordered: bool) -> Iterator[Mapped | None]:
         """Yield each image, and None a few times a second while there is none."""
+        tasks = self._counted(tasks)
         submissions: set[Future[list[tuple[Task, Future[Mapped] | str]]]] = set()
         fetches: set[Future[Mapped]] = set()
         ready: dict[int, Mapped] = {}
@@ -77,14 +79,13 @@ class MappedJobs:
         waiting: list[Task] = []
         while True:
             # One submission at a time keeps jobs in the order of their tasks.
-            self._read(tasks, waiting)
             room = self._window - len(following)
-            if waiting and not submissions and room >= self._chunk:
-                alike = _alike(waiting)
-                del waiting[: len(alike)]
-                self._read(tasks, waiting)
-                following += [one.index for one in alike]
-                submissions.add(self._pool.submit(self._submit, alike))
+            if not submissions and room >= self._chunk:
+                waiting += islice(tasks, self._chunk - len(waiting))
+                if alike := _alike(waiting):
+                    del waiting[: len(alike)]
+                    following += [one.index for one in alike]
+                    submissions.add(self._pool.submit(self._submit, alike))
             if not following:
                 return
             under_way: set[Future[Any]] = {*submissions, *fetches}
@@ -112,19 +113,21 @@ class MappedJobs:
             with suppress(Exception):
                 self._client.cancel_batch(batch)
 
-    def _read(self, tasks: Iterator[Task], waiting: list[Task]) -> None:
-        """Have a chunk of tasks at hand, so that the last ones are known as such."""
-        lacking = self._chunk - len(waiting)
-        read = [*islice(tasks, lacking)] if lacking > 0 else []
-        waiting += read
-        self._count(len(read), all_read=len(read) < lacking)
+    def _counted(self, tasks: Iterator[Task]) -> Iterator[Task]:
+        """The tasks, each read before it is wanted: so the last one is known as such."""
+        coming = next(tasks, None)
+        while coming is not None:
+            task, coming = coming, next(tasks, None)
+            with self._lock:
+                self._to_render += 1
+                self._all_read = coming is None
+            yield task
 
-    def _count(self, tasks: int, *, all_read: bool = False) -> None:
-        """Count tasks that are to be rendered; negative numbers take away what is."""
+    def _rendered(self) -> None:
+        """One task needs no more samples."""
         with self._lock:
-            self._to_render += tasks
-            self._all_read = self._all_read or all_read
-            is_over = self._all_read and self._to_render == 0
+            self._to_render -= 1
+            is_over = self._all_read and not self._to_render
         if is_over:
             self._when_rendered()
 
@@ -138,14 +141,12 @@ class MappedJobs:
             ):
                 raise
             if len(tasks) == 1:
-                self._count(-1)
+                self._rendered()
                 return [(tasks[0], str(error))]
             middle = len(tasks) // 2  # the others are not to blame
             return self._submit(tasks[:middle]) + self._submit(tasks[middle:])
-        return [
-            (task, self._pool.submit(self._fetch, task, jobs))
-            for task, jobs in zip(tasks, zip(*made, strict=True), strict=True)
-        ]
+        each = zip(tasks, zip(*made, strict=True), strict=True)
+        return [(task, self._pool.submit(self._fetch, task, jobs)) for task, jobs in each]
 
     def _jobs(self, tasks: Sequence[Task], spec: JobSpec, apart: int) -> list[JobView]:
         """The jobs of alike tasks, in their order."""
@@ -180,9 +181,9 @@ class MappedJobs:
 
         def heard(job: JobView, event: Event) -> None:
             if job.id in left and is_rendered(event, job.spec):
-                left.discard(job.id)
+                left.remove(job.id)
                 if not left:
-                    self._count(-1)
+                    self._rendered()
 
         done = [self._client.wait(job.id, on_event=partial(heard, job)) for job in jobs]
         results = [self._fetched(job) for job in done]

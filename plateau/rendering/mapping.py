@@ -232,9 +232,7 @@ def rendered(
     if first is None:
         return
     with place.opened(spec, asked, tell) as farm:
-        run = MappedJobs(
-            farm.client, spec, farm.window, independent=independent, when_rendered=farm.give_back
-        )
+        run = MappedJobs(farm.client, spec, farm.window, farm.give_back, independent=independent)
         try:
             for one in run.results(chain([first], iter_tasks), ordered=ordered):
                 if one is not None:

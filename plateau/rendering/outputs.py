@@ -55,20 +55,15 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
         All but some were written: those are damaged in the service's store.
     """
     try:
-        return _write(client, job, folder, _Place(folder, keeps=False), lambda: None)
+        return _write(client, job, folder, _Place(folder, keeps=False))
     except OSError as error:
         if error.strerror and error.filename is None:  # a full disk says no name
             error.filename = str(folder)
         raise
 
 
-def write_or_keep(
-    client: Source, job: JobView, folder: Path, *, when_fetched: Callable[[], None]
-) -> dict[str, Any]:
+def write_or_keep(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     """The same for a job that is gone with its service: what cannot be written is kept elsewhere.
-
-    `when_fetched` is called where nothing more is asked of the service, and only drawing and
-    writing is left.
 
     Raises
     ------
@@ -76,7 +71,7 @@ def write_or_keep(
         The folder did not take them; the message names the temporary folder that has them. Or
         some files are damaged in the service's store.
     """
-    return _write(client, job, folder, _Place(folder, keeps=True), when_fetched)
+    return _write(client, job, folder, _Place(folder, keeps=True))
 
 
 class _Place:
@@ -100,16 +95,13 @@ class _Place:
             return write(self.folder)
 
 
-def _write(
-    client: Source, job: JobView, folder: Path, place: _Place, when_fetched: Callable[[], None]
-) -> dict[str, Any]:
+def _write(client: Source, job: JobView, folder: Path, place: _Place) -> dict[str, Any]:
     new = place.new
     slices = _slices(client, job)
     kept = {name for name in slices if _is_one_of(slices, folder / SLICES / name)}
     try:
         place.take(lambda there: new.begin() if there == new.place else None)
         fetched = place.take(lambda there: _fetch(client, job, there, slices, kept))
-        when_fetched()
         about = place.take(
             lambda there: _summarise(job, fetched, there, folder if there == new.place else there)
         )

@@ -128,11 +128,6 @@ class OwnFarm:
         if self._fleet is not None:
             self._fleet.give_back()
 
-    def wind_down(self) -> None:
-        """Ask all but Redis to stop, without a wait; call no `check` afterwards."""
-        self.give_back()
-        self._tree.wind_down()
-
 
 @contextmanager
 def own_farm(
@@ -211,7 +206,7 @@ def render_alone(
     threads: int | None,
     on: str | None,
     progress: Callable[["Client"], "Progress"],
-    fetch: Callable[["Client", "JobView", Callable[[], None]], _Fetched],
+    fetch: Callable[["Client", "JobView"], _Fetched],
 ) -> tuple["JobView", _Fetched]:
     """Render a scene until its job has ended; returns the job and what was fetched of it.
 
@@ -227,8 +222,7 @@ def render_alone(
     progress
         Makes what shows the job.
     fetch
-        Fetches from the client what is wanted of the ended job; may call its last argument when
-        nothing more is asked of the service.
+        Fetches from the client what is wanted of the ended job.
     """
     # The wait for the workers counts: no other job keeps them.
     spec = spec.model_copy(update={"time_limit_from": "submission"})
@@ -243,7 +237,7 @@ def render_alone(
     ) as farm:
         shown = progress(farm.client)
         job = _run(scene, spec, farm, interrupts, shown)
-        return job, fetch(farm.client, job, farm.wind_down)
+        return job, fetch(farm.client, job)
 
 
 def check_variant(variant: str, cache: Path, on: str | None) -> None:
@@ -279,15 +273,13 @@ def _run(
         shown.note("compiling the model of vision, once on this machine: it takes half a minute")
     cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)
 
-    def tick(now: "JobView") -> None:
-        farm.check()
-        cancel_if_asked(now)
-
-    def heard(event: "Event") -> None:
-        if is_rendered(event, job.spec):
+    def tick(event: "Event | None") -> None:
+        if event is not None and is_rendered(event, job.spec):
             farm.give_back()
+        farm.check()
+        cancel_if_asked(event)
 
-    return follow(farm.client, job.id, shown, tick, heard)
+    return follow(farm.client, job.id, shown, tick)
 
 
 @contextmanager

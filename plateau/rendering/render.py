@@ -109,10 +109,10 @@ def render(
     asked = spec_of(spec, fields)
     folder = None if out is None else at_home(out)
 
-    def fetch(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> Result:
+    def fetch(client: "Client", job: "JobView") -> Result:
         result = Result.fetched(client, job)
         if folder is not None:
-            write_or_keep(client, job, folder, when_fetched=when_fetched)
+            write_or_keep(client, job, folder)
         return result
 
     def shown(client: "Client") -> "Progress":
@@ -154,7 +154,7 @@ def _there(
     farm: str,
     key: str | None,
     shown: Callable[["Client"], "Progress"],
-    fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
+    fetch: Callable[["Client", "JobView"], Result],
 ) -> Result:
     from plateau.client import Client
     from plateau.processes.read_settings import api_key, read_settings
@@ -164,7 +164,7 @@ def _there(
         job = client.submit(file, spec)
         view = shown(client)
         job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
-        return fetch(client, job, lambda: None)
+        return fetch(client, job)
 
 
 def _progress(client: "Client", *, wanted: bool) -> "Progress":

@@ -7,7 +7,6 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
@@ -23,11 +22,11 @@ from tests.cluster.support_engines import (
     are_back_before_the_results,
     commands,
     is_refused,
+    result_of,
     stopping,
 )
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.farms.real_farm import RealFarm
-from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.processes.commands import Command
 from tests.support.until import until
 
@@ -35,19 +34,6 @@ from tests.support.until import until
 pytestmark = pytest.mark.timeout(900)
 
 SCRIPT = Path(__file__).parents[2] / "deploy" / "slurm" / "worker.sbatch"
-
-#: Some seconds of one worker's.
-SPEC: dict[str, Any] = {
-    "parameters": {"width": 48, "height": 48},
-    "step": 200,
-    "slice_spp": 50,
-    "max_spp": 1600,
-    "variant": "scalar_rgb",
-    "rule": {"name": "reverse", "window": 5, "epsilon": 1e-9},
-}
-
-#: Goes on for as long as a test may.
-ENDLESS = SPEC | {"max_spp": 500_000, "rule": {"name": "fixed", "spp": 500_000}}
 
 long = pytest.mark.long_form
 
@@ -208,116 +194,46 @@ class TestOneCommand:
         for name, value in cluster.environment.items():
             monkeypatch.setenv(name, value)
         plan = engines.Plan(engines=("slurm",), workers=(2,), size=48, spp=400)
-        there, here = engines.measure(plan)["slurm, 2 workers"], "this machine, 1 worker"
-        assert here in engines.tables(plan, {here: there})["engines"][1]
+        found = engines.measure(plan)  # of the same image, here and there
+        there = found["slurm, 2 workers"]
         assert there.total_s > there.first_s > 0
         assert 0 < float(there.share.rstrip("%")) <= 100
 
-
-@pytest.fixture(scope="module")
-def shared_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, cluster: Slurm
-) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache, **cluster.environment) as farm:
-        yield farm
-
-
-@pytest.fixture(scope="module")
-def undisturbed(shared_farm: RealFarm) -> Outcome:
-    """What one worker makes of the job, without Slurm."""
-    shared_farm.start("monitor")
-    shared_farm.workers(1)
-    found = outcome(shared_farm, shared_farm.submit(**SPEC).id)
-    shared_farm.stop_all()
-    return found
-
-
-@pytest.fixture
-def farm(shared_farm: RealFarm, undisturbed: Outcome, slurm: Slurm) -> Iterator[RealFarm]:
-    """The farm with a monitor and no worker."""
-    shared_farm.start("monitor")
-    yield shared_farm
-    shared_farm.stop_all()
-    slurm.run("scancel", "--user=root")
-    until(lambda: not shared_farm.client.workers())
-
-
-def renders(farm: RealFarm, label: str) -> bool:
-    """Whether the worker of a task has a slice in hand, and has committed one before."""
-    return any(
-        worker.label == f"slurm:{label}" and worker.job is not None and worker.slices_done > 0
-        for worker in farm.client.workers()
-    )
-
-
-class TestAWorker:
-    """One task, submitted by hand: `sbatch --array=1-1 deploy/slurm/worker.sbatch`."""
-
-    pytestmark = pytest.mark.long_form
-
-    @pytest.fixture
-    def task(self, farm: RealFarm, slurm: Slurm, tmp_path: Path) -> Callable[..., str]:
-        """Submits it, and returns its id."""
-
-        def submit(*options: str) -> str:
-            array = slurm.run(
-                "sbatch",
-                "--parsable",
-                "--array=1-1",
-                "--cpus-per-task=1",
-                "--mem=600M",
-                f"--output={tmp_path}/plateau-%A_%a.log",
-                *options,
-                str(SCRIPT),
-                **{**farm.environment, "PLATEAU_PYTHON": sys.executable, "PLATEAU_THREADS": ""},
-            )
-            return f"{array}_1"
-
-        return submit
-
-    @staticmethod
-    def troubles(farm: RealFarm, job_id: str) -> set[str]:
-        return {entry.what for entry in farm.jobs.log(job_id) if entry.what != "committed"}
-
-    @pytest.mark.parametrize("how", ["cancelled", "told to leave", "requeued", "pushed aside"])
-    def test_gives_its_slice_back_when_it_loses_its_machine(
-        self,
-        how: str,
-        farm: RealFarm,
-        slurm: Slurm,
-        task: Callable[..., str],
-        undisturbed: Outcome,
+    @pytest.mark.long_form
+    @pytest.mark.parametrize("how", ["is requeued", "is pushed aside"])
+    def test_a_worker_that_loses_its_machine_begins_again(
+        self, how: str, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
     ) -> None:
-        only = task()
-        job = farm.submit(**SPEC)
-        until(lambda: renders(farm, only))
-        (before,) = farm.client.workers()
-        assert (before.threads, before.label) == (1, f"slurm:{only}")
-        if how == "requeued":
+        command = run("--workers", "1", "--threads", "2")
+        command.wait_for(r"\b200 spp")
+        (only,) = slurm.jobs()
+        first = slurm.processes()
+        if how == "is requeued":
             slurm.run("scontrol", "requeue", only)
-        elif how == "pushed aside":
+        else:
             urgent = ("--partition=urgent", "--exclusive", "--nodes=2", "--wrap=sleep 3")
             slurm.run("sbatch", *urgent, "--output=/dev/null")
-        else:  # a cancel tells all its processes, the render child too
-            slurm.run(
-                "scancel", *(["--batch", "--signal=TERM"] if how != "cancelled" else []), only
-            )
-            until(lambda: only not in slurm.jobs())
-            assert slurm.end_of(only)[1].startswith("0:")
-            task()
-        until(lambda: any(one.id != before.id for one in farm.client.workers()))
-        assert_same(outcome(farm, job.id), undisturbed)
-        assert self.troubles(farm, job.id) <= {"handed-back"}
-        (after,) = farm.client.workers()
-        assert {one["worker"] for one in farm.jobs.ledger(job.id).values()} == {before.id, after.id}
+        psutil.wait_procs(first, timeout=60)
+        assert not any(one.is_running() for one in first)
+        assert result_of(command, tmp_path / "out") == by_itself
 
-    def test_leaves_before_its_time_is_over(
-        self, farm: RealFarm, slurm: Slurm, task: Callable[..., str]
-    ) -> None:
-        job = farm.submit(**ENDLESS)
-        only = task("--time=2")  # Slurm tells it a minute before, or up to half a minute sooner
-        until(lambda: renders(farm, only))
-        until(lambda: only not in slurm.jobs())
-        assert slurm.end_of(only) == ("COMPLETED", "0:0")
-        assert self.troubles(farm, job.id) <= {"handed-back"}
-        farm.jobs.cancel(job.id)
+
+@pytest.mark.long_form
+def test_a_worker_may_be_submitted_by_hand_for_a_service(
+    tmp_path: Path, cache: Path, slurm: Slurm
+) -> None:
+    endless = {"variant": "scalar_rgb", "max_spp": 500_000, "rule": "fixed:spp=500000"}
+    with RealFarm(tmp_path, cache, **slurm.environment) as farm:
+        farm.start("monitor")
+        job = farm.submit(parameters={"width": 48, "height": 48}, slice_spp=50, **endless)
+        told = {**farm.environment, "PLATEAU_PYTHON": sys.executable, "PLATEAU_THREADS": ""}
+        options = ("--array=1-1", "--cpus-per-task=1", "--mem=600M", "--time=2")
+        log = f"--output={tmp_path}/plateau-%A_%a.log"
+        task = slurm.run("sbatch", "--parsable", *options, log, str(SCRIPT), **told) + "_1"
+        (worker,) = until(farm.client.workers)
+        assert (worker.threads, worker.label) == (1, f"slurm:{task}")
+        until(lambda: farm.jobs.get(job.id).committed_spp)
+        # Slurm tells it to leave a minute before its time is over, or up to half a minute sooner
+        until(lambda: not slurm.jobs(), 240)
+        assert slurm.end_of(task) == ("COMPLETED", "0:0")
+        assert {one.what for one in farm.jobs.log(job.id)} <= {"committed", "handed-back"}
