@@ -200,19 +200,14 @@ class TestOneCommand:
         assert 0 < float(there.share.rstrip("%")) <= 100
 
     @pytest.mark.long_form
-    @pytest.mark.parametrize("how", ["is requeued", "is pushed aside"])
-    def test_a_worker_that_loses_its_machine_begins_again(
-        self, how: str, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
+    def test_a_worker_that_is_pushed_aside_begins_again(
+        self, run: Run, slurm: Slurm, tmp_path: Path, by_itself: Result
     ) -> None:
         command = run("--workers", "1", "--threads", "2")
         command.wait_for(r"\b200 spp")
-        (only,) = slurm.jobs()
         first = slurm.processes()
-        if how == "is requeued":
-            slurm.run("scontrol", "requeue", only)
-        else:
-            urgent = ("--partition=urgent", "--exclusive", "--nodes=2", "--wrap=sleep 3")
-            slurm.run("sbatch", *urgent, "--output=/dev/null")
+        urgent = ("--partition=urgent", "--exclusive", "--nodes=2", "--wrap=sleep 3")
+        slurm.run("sbatch", *urgent, "--output=/dev/null")
         psutil.wait_procs(first, timeout=60)
         assert not any(one.is_running() for one in first)
         assert result_of(command, tmp_path / "out") == by_itself

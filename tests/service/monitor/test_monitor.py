@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import redis
 
+from plateau.client.events import is_rendered, typed
 from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.queue import Lease
@@ -230,7 +231,11 @@ def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:
 
 def ended(farm: NoiseFarm, **spec: object) -> Job:
     with farm.monitor():
-        return farm.finish(farm.submit(**{**QUICK, **spec}))
+        job = farm.finish(farm.submit(**{**QUICK, **spec}))
+    # Whoever hears of the last point, and of no other, knows that no more samples are wanted
+    points = [event for event in map(typed, farm.jobs.events(job.id)) if event.type == "point"]
+    assert [is_rendered(one, job.spec) for one in points] == [one is points[-1] for one in points]
+    return job
 
 
 def test_a_fixed_number_of_samples_gives_way_to_min_spp(farm: NoiseFarm) -> None:
@@ -240,3 +245,4 @@ def test_a_fixed_number_of_samples_gives_way_to_min_spp(farm: NoiseFarm) -> None
     # As high as the cap, it lets the rule decide there
     job = ended(farm, rule={"name": "fixed", "spp": 20}, max_spp=80, min_spp=80)
     assert (job.state, job.spp) == (JobState.CONVERGED, 80)
+    assert ended(farm, max_spp=60).state is JobState.EXHAUSTED
