@@ -1,7 +1,7 @@
 """`plateau render`: one scene to its results, with a process tree for it alone."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,7 +14,6 @@ from plateau.farm.model.states import JobState
 
 if TYPE_CHECKING:
     from plateau.client import Client
-    from plateau.farm.wire.views import JobView
     from plateau.terminal.progress import Progress
 
 
@@ -64,7 +63,7 @@ def render(
     """
     from plateau.files.out_folder import ready
     from plateau.processes.interrupts import Interrupts
-    from plateau.rendering.own_farm import checked_settings, render_alone
+    from plateau.rendering.own_farm import checked_settings, rendered_alone
 
     settings = checked_settings(scene, spec, on)
 
@@ -75,14 +74,9 @@ def render(
 
         return progress_on(Console(stderr=True), curve=not no_curve)
 
-    def write(client: "Client", job: "JobView") -> dict[str, Any]:
-        from plateau.rendering.outputs import write_or_keep
-
-        return write_or_keep(client, job, out)
-
     with ready(out), Interrupts() as interrupts:
         try:
-            job, about = render_alone(
+            with rendered_alone(
                 scene,
                 spec,
                 settings,
@@ -91,8 +85,10 @@ def render(
                 threads=threads,
                 on=on,
                 progress=progress,
-                fetch=write,
-            )
+            ) as (client, job):
+                from plateau.rendering.outputs import write_or_keep
+
+                about = write_or_keep(client, job, out)
         except KeyboardInterrupt:
             raise typer.Exit(interrupts.exit_code) from None
 

@@ -40,11 +40,6 @@ class Crew:
     threads: int | None  #: cores of each worker; None for what the engine gives
 
 
-def one_gpu(asked: str) -> str:
-    """What to do in place of an option that asks for several GPUs for each worker."""
-    return f"a worker renders on one GPU: in place of {asked} ask for one, and for more --workers"
-
-
 class Engine(Protocol):
     """Workers of one run in a batch system."""
 

@@ -36,8 +36,7 @@ _NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
 class MappedJobs:
     """The images that are under way on a farm.
 
-    `when_rendered` is called, in any thread, once no image needs another sample; it may take long
-    until all are fetched and taken.
+    `when_rendered` is called, in any thread, once none needs another sample: before all are taken.
     """
 
     def __init__(

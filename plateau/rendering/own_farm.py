@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleLimits, inspect_bundle, known_plugins
@@ -41,8 +41,6 @@ _MOST_WORKERS: Final = 8
 _LOOK_EVERY_S: Final = 2.0
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
-
-_Fetched = TypeVar("_Fetched")
 
 
 def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Settings":
@@ -114,14 +112,10 @@ class OwnFarm:
             self._fleet.check(self._tell)
             if self._fleet.heard and time.monotonic() >= self._look_at_s:
                 self._look_at_s = time.monotonic() + _LOOK_EVERY_S
-                self._say_what_waits()
-
-    def _say_what_waits(self) -> None:
-        """Say once what none of the nodes that came can render."""
-        for job in self.client.all_jobs(state=JobState.QUEUED, limit=1):
-            if job.waits_for:
-                self._tell(f"job {job.name} {job.waits_for}")
-                self._look_at_s = math.inf
+                for job in self.client.all_jobs(state=JobState.QUEUED, limit=1):
+                    if job.waits_for:  # no node that came can render it
+                        self._tell(f"job {job.name} {job.waits_for}")
+                        self._look_at_s = math.inf
 
     def give_back(self) -> None:
         """Give the engine's nodes back at once: nothing more is to be rendered."""
@@ -196,7 +190,8 @@ def own_farm(
         yield OwnFarm(client, tree, fleet, tell)
 
 
-def render_alone(
+@contextmanager
+def rendered_alone(
     scene: Path,
     spec: JobSpec,
     settings: "Settings",
@@ -206,9 +201,8 @@ def render_alone(
     threads: int | None,
     on: str | None,
     progress: Callable[["Client"], "Progress"],
-    fetch: Callable[["Client", "JobView"], _Fetched],
-) -> tuple["JobView", _Fetched]:
-    """Render a scene until its job has ended; returns the job and what was fetched of it.
+) -> Iterator[tuple["Client", "JobView"]]:
+    """The job of a scene, once it has ended; the client has its results while the context lasts.
 
     Parameters
     ----------
@@ -221,8 +215,6 @@ def render_alone(
         As for `own_farm`.
     progress
         Makes what shows the job.
-    fetch
-        Fetches from the client what is wanted of the ended job.
     """
     # The wait for the workers counts: no other job keeps them.
     spec = spec.model_copy(update={"time_limit_from": "submission"})
@@ -236,8 +228,7 @@ def render_alone(
         on=on,
     ) as farm:
         shown = progress(farm.client)
-        job = _run(scene, spec, farm, interrupts, shown)
-        return job, fetch(farm.client, job)
+        yield farm.client, _run(scene, spec, farm, interrupts, shown)
 
 
 def check_variant(variant: str, cache: Path, on: str | None) -> None:

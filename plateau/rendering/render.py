@@ -1,8 +1,8 @@
 """`plateau.render`: renders a scene on this machine or on a farm, and returns its image."""
 
 import signal
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,12 +109,6 @@ def render(
     asked = spec_of(spec, fields)
     folder = None if out is None else at_home(out)
 
-    def fetch(client: "Client", job: "JobView") -> Result:
-        result = Result.fetched(client, job)
-        if folder is not None:
-            write_or_keep(client, job, folder)
-        return result
-
     def shown(client: "Client") -> "Progress":
         return _progress(client, wanted=progress)
 
@@ -124,22 +118,24 @@ def render(
         Interrupts(signal.SIGINT) as interrupts,
     ):
         if farm is None:
-            from plateau.rendering.own_farm import checked_settings, render_alone
+            from plateau.rendering.own_farm import checked_settings, rendered_alone
 
-            settings = checked_settings(file, asked, on)
-            _, result = render_alone(
+            ended = rendered_alone(
                 file,
                 asked,
-                settings,
+                checked_settings(file, asked, on),
                 interrupts,
                 workers=workers,
                 threads=threads,
                 on=on,
                 progress=shown,
-                fetch=fetch,
             )
         else:
-            result = _there(file, asked, interrupts, farm, key, shown, fetch)
+            ended = _rendered_there(file, asked, interrupts, farm, key, shown)
+        with ended as (client, job):
+            result = Result.fetched(client, job)
+            if folder is not None:
+                write_or_keep(client, job, folder)
     if result.state is JobState.FAILED:
         raise RenderFailed(result)
     if result.state is JobState.CANCELLED and interrupts.asked.is_set() and not result.has_image:
@@ -147,15 +143,15 @@ def render(
     return result
 
 
-def _there(
+@contextmanager
+def _rendered_there(
     file: Path,
     spec: JobSpec,
     interrupts: Interrupts,
     farm: str,
     key: str | None,
     shown: Callable[["Client"], "Progress"],
-    fetch: Callable[["Client", "JobView"], Result],
-) -> Result:
+) -> Iterator[tuple["Client", "JobView"]]:
     from plateau.client import Client
     from plateau.processes.read_settings import api_key, read_settings
     from plateau.rendering.follow import cancelling, follow
@@ -163,8 +159,7 @@ def _there(
     with Client(farm, key=key or api_key(read_settings())) as client:
         job = client.submit(file, spec)
         view = shown(client)
-        job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
-        return fetch(client, job)
+        yield client, follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
 
 
 def _progress(client: "Client", *, wanted: bool) -> "Progress":

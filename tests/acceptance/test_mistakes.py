@@ -151,7 +151,7 @@ def test_in_a_file(
     (tmp_path / "art" / "oak.png").touch()
     (tmp_path / "art" / "sky.xml").touch()
     monkeypatch.setenv("PLATEAU_URL", shared_farm.url)
-    monkeypatch.setattr(own_farm, "render_alone", None)  # nothing is started for it
+    monkeypatch.setattr(own_farm, "rendered_alone", None)  # nothing is started for it
     code, _, said = plateau(command, str(tmp_path / "scene.xml"))
     assert (code, len(said.splitlines())) == (1, 1)
     assert re.search(IN_A_FILE[mistake][1], said), said

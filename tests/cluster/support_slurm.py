@@ -190,16 +190,13 @@ class Slurm:
         for one in psutil.process_iter():
             with contextlib.suppress(psutil.Error):
                 told = one.environ()
-                if all(told.get(name) == value for name, value in self._of_a_job(node).items()):
+                if told.get("SLURMD_NODENAME") == node and self.environment.items() <= told.items():
                     keeper = one.parent()
                     family = [one, *one.children(recursive=True)]
                     if keeper is not None and keeper.name() == "slurmstepd":
                         family.append(keeper)
                     found.update((member.pid, member) for member in family)
         return list(found.values())
-
-    def _of_a_job(self, node: str) -> dict[str, str]:
-        return {**self.environment, "SLURMD_NODENAME": node}
 
     def logs(self) -> str:
         """The last lines of every log, for a test that has failed."""

@@ -35,21 +35,17 @@ pytestmark = pytest.mark.timeout(900)
 
 SCRIPT = Path(__file__).parents[2] / "deploy" / "slurm" / "worker.sbatch"
 
-long = pytest.mark.long_form
-
 #: A program that takes the first image, and the others when it may.
 MAP = """
 import os, time, plateau
 values = [{"width": 48, "height": 48, "intensity": 5 + step} for step in range(5)]
 asked = {"target": "fixed:spp=64", "variant": "scalar_rgb"}
-found = []
-for one in plateau.map("scenes:box", values, workers=2, on="slurm", **asked):
-    found.append(one.index if one.image.any() else one)
-    if len(found) == 1:
-        print("the first of 5", flush=True)
-    while not os.path.exists(os.environ["GO_ON"]):
-        time.sleep(0.02)
-print(sorted(found))
+images = plateau.map("scenes:box", values, workers=2, on="slurm", **asked)
+found = [next(images).index]
+print("the first of 5", flush=True)
+while not os.path.exists(os.environ["GO_ON"]):
+    time.sleep(0.02)
+print(sorted([*found, *(one.index for one in images if one.image.any())]))
 """
 
 
@@ -132,7 +128,9 @@ class TestOneCommand:
         until(lambda: list(slurm.jobs().values()) == ["RUNNING"])
         command.is_gone()
 
-    @pytest.mark.parametrize("how", ["is killed", pytest.param("loses its machine", marks=long)])
+    @pytest.mark.parametrize(
+        "how", ["is killed", pytest.param("loses its machine", marks=pytest.mark.long_form)]
+    )
     def test_when_the_front_dies_the_nodes_end_their_work(
         self, how: str, run: Run, slurm: Slurm
     ) -> None:

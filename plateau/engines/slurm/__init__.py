@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from plateau.engines.contract import Crew, Task, TaskState, one_gpu
+from plateau.engines.contract import Crew, Task, TaskState
 from plateau.errors import CommandFailed, PlateauError
 
 #: Longest wait for a command: a controller may be busy, or be taken over by its backup.
@@ -33,9 +33,6 @@ _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 #: Variables that nodes have from the crew, and those of the job in which the command may run.
 _NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*")
 _LAST_WORDS: Final = 400  #: characters
-_SEVERAL_GPUS: Final = re.compile(
-    r"--(gpus(-per-\w+)?=(.*:)?|gres=(.*,)?gpu:([^:,]+:)?)0*([2-9]|1\d)\d*(,.*)?"
-)
 
 
 class SlurmFailed(PlateauError):
@@ -50,8 +47,6 @@ class Slurm:
     """
 
     def __init__(self, options: Sequence[str], crew: Crew) -> None:
-        for option in filter(_SEVERAL_GPUS.fullmatch, options):
-            raise CommandFailed(f"--on slurm: {one_gpu(option)}")
         missing = [
             one for one in ("sbatch", "squeue", "scontrol", "scancel") if shutil.which(one) is None
         ]

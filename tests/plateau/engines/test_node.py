@@ -12,10 +12,7 @@ import psutil
 import pytest
 
 from plateau.engines.blob_server import serving
-from plateau.engines.contract import Crew
 from plateau.engines.front import Front
-from plateau.engines.start import named
-from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.schema import check_schema
@@ -121,15 +118,13 @@ def test_an_engine_that_is_not_there_is_refused_before_anything_starts(
         ("pbs --queue=x", "there is no engine 'pbs'; there are ray, slurm"),
         ("", "there is no engine ''"),
         ("slurm '", "names no engine: No closing quotation"),
+        ("ray --num-gpus=2", "a worker renders on one GPU: in place of --num-gpus=2 ask for one,"),
+        ("slurm --gres=nvme:1,gpu:a100:4", "in place of --gres=nvme:1,gpu:a100:4 ask for one,"),
+        ("slurm --gpus-per-task 2 --mem=8G", "in place of --gpus-per-task 2 ask for one,"),
     ):
         code, _, said = plateau("render", "scenes:box", "--on", on)
         assert (code, words in said) == (1, True), said
-    crew = Crew(name="run", python=sys.executable, environment={}, threads=None)
-    for on in ("ray --num-gpus=2", "slurm --gres=nvme:1,gpu:a100:4", "slurm --gpus-per-task=2"):
-        engine, options = named(on)
-        with pytest.raises(CommandFailed, match=r"on one GPU: in place of --.* ask for one, and"):
-            engine(options, crew)
     monkeypatch.setenv("PATH", str(tmp_path))
-    code, _, said = plateau("render", "scenes:box", "--on", "slurm --gres=gpu:1")
+    code, _, said = plateau("render", "scenes:box", "--on", "slurm --gres=gpu:1,nvme:2")
     assert code == 1
     assert "these commands of Slurm are not on the PATH: sbatch, squeue, scontrol, scancel" in said
