@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
@@ -79,6 +79,41 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         A file is missing or cannot keep its place; names it, and the XML and line that refers to
         it.
     """
+    return _found(path, parameters).packed()
+
+
+def files_of(path: Path, *parameters: Mapping[str, str]) -> tuple[Path, ...]:
+    """Return the files that `pack` packs, in the order of their names; raises as `pack`."""
+    return _found(path, parameters).files
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a scene is packed of."""
+
+    path: Path  #: of the file that is sent as it is, where there is no layout
+    media_type: str
+    name: str  #: of the upload
+    layout: "_Layout | None" = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        if self.layout is None:
+            return (self.path,)
+        return tuple(map(_Disk().path, self.layout.files))
+
+    def packed(self) -> Packed:
+        if self.layout is None:
+            return Packed(self.path.open("rb"), self.media_type, self.name, self.files)
+        with ExitStack() as until_it_is_good:
+            bundle = cast("BinaryIO", until_it_is_good.enter_context(tempfile.TemporaryFile()))
+            _write(bundle, _Disk(), self.layout)
+            _check_entry(bundle, self.layout)
+            until_it_is_good.pop_all()
+        return Packed(bundle, self.media_type, self.name, self.files)
+
+
+def _found(path: Path, parameters: Iterable[Mapping[str, str]]) -> _Found:
     if path.is_dir():
         if not (path / MITSUBA_XML.entry).is_file():
             for other in with_suffix():
@@ -95,7 +130,7 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         scene_format = format_of(file, str(path))
     if scene_format is not MITSUBA_XML:
         media_type = _ZIP if scene_format is None else scene_format.media_type
-        return Packed(path.open("rb"), media_type, path.name, (path,))
+        return _Found(path, media_type, path.name)
     disk = _Disk()
     entry = disk.parts(path)
     references: dict[Reference, None] = {}
@@ -103,21 +138,10 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     for values in dict.fromkeys(tuple(one.items()) for one in parameters) or [()]:
         references |= dict.fromkeys(read_scene(disk, entry, dict(values), _LIMITS).references)
     if not references:
-        return Packed(path.open("rb"), MITSUBA_XML.media_type, f"{_name(path)}.xml", (path,))
+        return _Found(path, MITSUBA_XML.media_type, f"{_name(path)}.xml")
     for reference in references:
         _check_keeps_its_place(disk, reference)
-    return _packed(disk, _Layout.of(entry, references), f"{_name(path)}.zip")
-
-
-def _packed(disk: "_Disk", layout: "_Layout", name: str) -> Packed:
-    """Return the archive of a layout, in which the farm finds the scene."""
-    with ExitStack() as until_it_is_good:
-        bundle = cast("BinaryIO", until_it_is_good.enter_context(tempfile.TemporaryFile()))
-        _write(bundle, disk, layout)
-        _check_entry(bundle, layout)
-        until_it_is_good.pop_all()
-    files = tuple(disk.path(parts) for parts in layout.files)
-    return Packed(bundle, _ZIP, name, files)
+    return _Found(path, _ZIP, f"{_name(path)}.zip", _Layout.of(entry, references))
 
 
 def _only_one(folder: Path, wanted: SceneFormat) -> Path | None:
@@ -134,7 +158,7 @@ def _only_one(folder: Path, wanted: SceneFormat) -> Path | None:
     return found[0] if found else None
 
 
-def _with_its_folder(scene: Path, of: SceneFormat) -> Packed:
+def _with_its_folder(scene: Path, of: SceneFormat) -> _Found:
     """Return a scene with all that lies in its folder but hidden files and backups."""
     disk = _Disk()
     entry = disk.parts(scene)
@@ -146,7 +170,7 @@ def _with_its_folder(scene: Path, of: SceneFormat) -> Packed:
         and not (of.left_out and of.left_out.fullmatch(path.suffix))
         and not any(part.startswith(".") for part in path.relative_to(disk.path(top)).parts)
     ]
-    return _packed(disk, _Layout(top, entry, tuple(files), ()), f"{_name(scene)}.zip")
+    return _Found(scene, _ZIP, f"{_name(scene)}.zip", _Layout(top, entry, tuple(files), ()))
 
 
 def _name(path: Path) -> str:

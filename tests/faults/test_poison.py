@@ -13,6 +13,7 @@ from plateau.farm.wire.views import JobView
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import check_job
 from tests.support.long_tests import rare_among
+from tests.support.scenes.bundles import ply
 from tests.support.until import until
 
 SCENE = """<scene version="3.0.0">
@@ -28,22 +29,11 @@ SCENE = """<scene version="3.0.0">
 
 #: Its second face names a vertex that is not there; Mitsuba does not look, and the check of scenes
 #: leaves so long a text to the worker.
-WILD_MESH = b"""ply
-format ascii 1.0
-%s
-element vertex 3
-property float x
-property float y
-property float z
-element face 2
-property list uchar int vertex_indices
-end_header
--1 -1 3
-1 -1 3
-0 1 3
-3 0 1 2
-3 0 1 2000000000
-""" % b"\n".join([b"comment " + b"-" * 1000] * 17_000)
+WILD_MESH = ply(
+    "-1 -1 3, 1 -1 3, 0 1 3",
+    "3 0 1 2, 3 0 1 2000000000",
+    comment="\n".join(["comment " + "-" * 1000] * 17_000),
+)
 #: A closed box, seen from within, in which light never gets lost.
 HALL_OF_MIRRORS = """<shape type="cube"><boolean name="flip_normals" value="true"/>
   <bsdf type="conductor">

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 _CHUNK_BYTES: Final = 1 << 20
 #: A file that changed this short before it was read may change again with the same times.
@@ -67,12 +67,9 @@ class FileHashes:
             if known is not None:
                 return Content(status.st_size, known)
             read_at = time.time_ns()
-            digest = hashlib.sha256()
-            while chunk := file.read(_CHUNK_BYTES):
-                digest.update(chunk)
+            sha256 = sha256_of(file)
             if _state(os.fstat(file.fileno())) != state:
                 raise FileChanges(f"{path} changed while it was read")
-        sha256 = digest.hexdigest()
         if read_at - max(status.st_mtime_ns, status.st_ctime_ns) > _SETTLED_NS:
             self._remember(path, state, sha256)
         return Content(status.st_size, sha256)
@@ -95,6 +92,14 @@ class FileHashes:
         with closing(sqlite3.connect(self._table, timeout=_WAIT_S)) as table:
             table.execute(_TABLE)
             yield table
+
+
+def sha256_of(file: IO[bytes]) -> str:
+    """Return the SHA-256 of a file from where it is read on, a part at a time."""
+    digest = hashlib.sha256()
+    while chunk := file.read(_CHUNK_BYTES):
+        digest.update(chunk)
+    return digest.hexdigest()
 
 
 def _state(status: os.stat_result) -> str:

@@ -126,11 +126,11 @@ def _read(file: IO[bytes], path: Path) -> dict[int, dict[str, Any]]:
     return lines
 
 
-def identity(task: Task, asked: Mapping[str, Any], scene_sha256: str) -> dict[str, Any]:
+def identity(task: Task, asked: Mapping[str, Any], files_sha256: str) -> dict[str, Any]:
     """What decides an image: two images with the same are the same to the bit."""
     return {
         "scene": PurePath(task.scene_name).name,  # its folder may move
-        "scene_file": scene_sha256,
+        "scene_files": files_sha256,
         "parameters": dict(task.parameters),
         "sensor": task.sensor,
         "asked": dict(asked),

@@ -5,12 +5,16 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 from plateau import scenes
 from plateau.errors import CommandFailed, ExitCode, needs
+from plateau.farm.bundle import BundleError
+from plateau.farm.bundle.hashes import sha256_of
 from plateau.farm.model.states import JobState
+from plateau.files.packing import files_of as scene_files
 from plateau.processes.interrupts import Interrupts
 from plateau.rendering.dataset import manifest
 from plateau.rendering.dataset.layouts import files_of
@@ -23,10 +27,7 @@ from plateau.terminal.dataset_progress import Course
 
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9.-]+")
 #: Of the header of an image, what its line says too.
-_OF_HEADER: Final = (
-    *("scene_sha256", "variant", "renderer", "first_seed", "last_seed", "plateau"),
-)
-
+_OF_HEADER: Final = ("scene_sha256", "variant", "renderer", "first_seed", "last_seed", "plateau")
 
 Show = Callable[[Course], None]
 
@@ -55,8 +56,8 @@ def fill(
         "independent": recipe.independent,
         "layout": recipe.layout,
     }
-    hashes = {scene: _hash(scene) for scene in {task.scene_name for task in tasks}}
-    about = {task.index: manifest.identity(task, asked, hashes[task.scene_name]) for task in tasks}
+    hashed = cache(_hash)  # scenes share meshes
+    about = {task.index: manifest.identity(task, asked, _hash_of(task, hashed)) for task in tasks}
     with manifest.opened(folder) as there:
         _check_same(there, about)
         lacking = [task for task in tasks if not there.has(task.index)]
@@ -75,7 +76,7 @@ def fill(
         )
         for one in images:
             line = {**_line(one), "digest": manifest.digest(about[one.index])}
-            line |= {"asked": about[one.index]["asked"], "scene_file": hashes[line["scene"]]}
+            line |= {name: about[one.index][name] for name in ("asked", "scene_files")}
             files = {}
             if not one.failure:
                 files = files_of(one, recipe.layout, _name(one.task), spec.max_spp)
@@ -109,17 +110,22 @@ def _change(line: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
         if had.get(name) != has.get(name):
             was, now = (one.get(name, "the default") for one in (had, has))
             return f"{name} was {was}, and is {now}"
-    return "the file of its scene has changed"
+    return "a file of its scene has changed"
 
 
-def _hash(scene: str) -> str:
-    """The SHA-256 of a scene's own file; "" if it cannot be read, which its job will say."""
+def _hash_of(task: Task, hashed: Callable[[Path], str]) -> str:
+    """The SHA-256 of a scene's files; "" if one cannot be read, which its job will say."""
+    values = {name: str(value) for name, value in task.parameters.items()}
     try:
-        path = scenes.path_of(Path(scene))
-        file = path / "scene.xml" if path.is_dir() else path
-        return hashlib.sha256(file.read_bytes()).hexdigest()
-    except (OSError, ValueError):
+        found = scene_files(scenes.path_of(Path(task.scene_name)), values)
+        return hashlib.sha256("".join(map(hashed, found)).encode()).hexdigest()
+    except (BundleError, OSError, ValueError):
         return ""
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return sha256_of(file)
 
 
 def _name(task: Task) -> str:

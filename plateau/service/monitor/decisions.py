@@ -114,11 +114,24 @@ def _run_out(known: Known) -> Step:
     return EndJob(JobState.EXHAUSTED, "time_limit", reason)
 
 
+_A_POINT: Final = (
+    Row(
+        "the sums have reached a point of the curve, and their image is to be denoised",
+        lambda known: known.is_to_be_judged and known.is_to_be_denoised,
+        DenoiseImage(),
+    ),
+    Row(
+        "the sums have reached a point of the curve",
+        lambda known: known.is_to_be_judged,
+        JudgeImage(),
+    ),
+)
+
 OPEN: Final = (
     Row(
         "a turn begins and workers may soon wait, or they wait",
         lambda known: (
-            (known.ledger is Ledger.UNREAD or known.is_dry)
+            (known.ledger is Ledger.UNREAD or (known.is_dry and known.in_hand > 0))
             and known.lacks_slices
             and not known.is_held
         ),
@@ -172,16 +185,7 @@ OPEN: Final = (
         lambda known: known.is_being_denoised,
         Wait(),
     ),
-    Row(
-        "the sums have reached a point of the curve, and their image is to be denoised",
-        lambda known: known.is_to_be_judged and known.is_to_be_denoised,
-        DenoiseImage(),
-    ),
-    Row(
-        "the sums have reached a point of the curve",
-        lambda known: known.is_to_be_judged,
-        JudgeImage(),
-    ),
+    *_A_POINT,
     Row(
         "the first slice is merged, and the first point is far off",
         lambda known: known.is_to_be_seen,
@@ -269,16 +273,7 @@ ENDED: Final = (
         lambda known: known.is_to_be_added,
         RecordPoint(),
     ),
-    Row(
-        "the sums have reached a point of the curve, and their image is to be denoised",
-        lambda known: known.is_to_be_judged and known.is_to_be_denoised,
-        DenoiseImage(),
-    ),
-    Row(
-        "the sums have reached a point of the curve",
-        lambda known: known.is_to_be_judged,
-        JudgeImage(),
-    ),
+    *_A_POINT,
     Row(
         "a slice of the final image is in hand",
         lambda known: known.lacks_final_slices and known.in_hand > 0,

@@ -139,8 +139,9 @@ class Known:
 
     @property
     def stop(self) -> int:
-        """The first slice that should not be planned yet."""
-        return self._ahead_of_shot.stop(self.plan, self.merged, self.enough * self.reach)
+        """The first slice that should not be planned yet: no more is at stake than is merged."""
+        enough = max(self.enough, min(self.enough * self.reach, self.merged))
+        return self._ahead_of_shot.stop(self.plan, self.merged, enough)
 
     @property
     def _ahead_of_shot(self) -> LookAhead:

@@ -1,6 +1,5 @@
 """Scenes from the blob store, unpacked once on this machine."""
 
-import hashlib
 import os
 import shutil
 import tempfile
@@ -14,6 +13,7 @@ from uuid import uuid4
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import unpack_bundle
+from plateau.farm.bundle.hashes import sha256_of
 from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.farm.process.durable import sync_tree
 from plateau.worker.supervisor.placed_files import NO_ROOTS, PlacedFiles
@@ -21,7 +21,6 @@ from plateau.worker.supervisor.placed_files import NO_ROOTS, PlacedFiles
 #: How many scenes stay unpacked, besides those in use. The one unused for longest goes first.
 _KEPT: Final = 16
 _ABANDONED_S: Final = 86_400.0  #: no scene takes this long to fetch and unpack
-_CHUNK_BYTES: Final = 1 << 20
 #: The first bytes of an OpenEXR file, whatever its name.
 _OPENEXR: Final = b"\x76\x2f\x31\x01"
 
@@ -107,11 +106,11 @@ class SceneCache:
         """Write the scene's blob to a file, and check the SHA-256 of what was written."""
         chunks = self._blobs.chunks(blobs.scene(sha256))
         first = next(chunks, b"")  # raises if the blob does not exist
-        with _disk_errors(self.folder):
-            with path.open("wb") as file:
-                file.write(first)
-                file.writelines(chunks)
-            found = _sha256(path)
+        with _disk_errors(self.folder), path.open("w+b") as file:
+            file.write(first)
+            file.writelines(chunks)
+            file.seek(0)
+            found = sha256_of(file)
         if found != sha256:
             raise CorruptBlob(
                 f"the scene {sha256} is damaged: what was fetched has the SHA-256 {found}; if that "
@@ -157,14 +156,6 @@ def loading_threads(folder: Path) -> int:
 def _is_openexr(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(len(_OPENEXR)) == _OPENEXR
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK_BYTES):
-            digest.update(chunk)
-    return digest.hexdigest()
 
 
 def _move(making: Path, home: Path) -> None:

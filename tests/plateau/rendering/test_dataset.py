@@ -3,7 +3,7 @@
 import json
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from plateau.rendering.dataset.run import fill
 from plateau.rendering.mapping import Place
 from tests.support.farms.real_farm import RealFarm
 from tests.support.processes.commands import Command, plateau
+from tests.support.scenes.bundles import PLY, mesh, scene
 from tests.support.until import until
 
 CHECKS = {"analytic": 1, "width": 24, "height": 16, "light": "checks", "level": 0.2}
@@ -30,14 +31,6 @@ target = "fixed:spp=16"
 level = {from = 0.1, to = 0.8, count = 8}
 """
 Fill = Callable[..., list[dict[str, Any]]]
-
-
-@pytest.fixture(scope="module")
-def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
-        farm.start("monitor")
-        farm.workers(1)
-        yield farm
 
 
 @pytest.fixture
@@ -102,7 +95,7 @@ def test_another_recipe_and_another_run_are_refused(run: Fill, tmp_path: Path) -
         with pytest.raises(CommandFailed, match=says):
             run(changed)
     (tmp_path / "checks.json").write_text(json.dumps({**CHECKS, "height": 17}))
-    with pytest.raises(CommandFailed, match="the file of its scene has changed"):
+    with pytest.raises(CommandFailed, match="a file of its scene has changed"):
         run()
     (tmp_path / "checks.json").write_text(json.dumps(CHECKS))
     with held(tmp_path / "out"), pytest.raises(Held, match="is being written by process"):
@@ -116,6 +109,25 @@ def test_another_recipe_and_another_run_are_refused(run: Fill, tmp_path: Path) -
     assert len(lines(tmp_path / "few")) == 3
     run()
     assert [line["index"] for line in lines(tmp_path / "out")[8:]] == [2]
+
+
+def test_a_mesh_that_has_changed_is_seen(run: Fill, tmp_path: Path) -> None:
+    lit = "<integrator type='path'/><emitter type='constant'/>"
+    (tmp_path / "mesh.xml").write_bytes(scene(lit, mesh("$of")))
+    for name in "ab":
+        (tmp_path / f"{name}.ply").write_bytes(PLY)
+    recipe = """
+scenes = ["mesh.xml"]
+target = "fixed:spp=1"
+parameters = [{of = "a.ply"}]
+spec = {variant = "scalar_rgb"}
+"""
+    run(recipe)
+    more = recipe.replace("}]", "}, {of = 'b.ply'}]")
+    assert len(run(more)) == 2
+    (tmp_path / "b.ply").write_bytes(PLY.replace(b"0 1 0", b"0 2 0"))
+    with pytest.raises(CommandFailed, match="Image 1: a file of its scene has changed"):
+        run(more)
 
 
 def test_what_fails_and_what_misses_its_target_are_said(

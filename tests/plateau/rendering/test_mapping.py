@@ -1,7 +1,6 @@
 """`plateau.map`: each image is that of its place alone, and one that fails stops no other."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +13,6 @@ from tests.support.farms.real_farm import BOX, RealFarm
 
 CHECKS = {"analytic": 1, "width": 40, "height": 30, "light": "checks", "level": 0.2}
 SMALL = {"width": 24, "height": 16}
-
-
-@pytest.fixture(scope="module")
-def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
-        farm.start("monitor")
-        farm.workers(2)
-        yield farm
 
 
 @pytest.fixture

@@ -113,14 +113,6 @@ def test_a_scene_that_mitsuba_refuses_is_an_error_with_its_words(run: Run) -> No
     assert error.result.job == result.job
 
 
-@pytest.fixture(scope="module")
-def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
-        farm.start("monitor")
-        farm.workers(1)
-        yield farm
-
-
 def test_a_farm_renders_the_same(
     farm: RealFarm, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

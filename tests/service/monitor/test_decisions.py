@@ -193,7 +193,7 @@ CASES: list[tuple[Known, steps.Step]] = [
     (known(ledger=READ, merged=3, planned=5, enough=3), steps.PlanSlices(6, 200)),
     (known(ledger=READ, merged=3, planned=6, enough=3), steps.Wait()),
     # Workers were faster than the monitor
-    (known(planned=6, awaited=6, merged=3, enough=3).with_slices(3, 16), steps.PlanSlices(8, 200)),
+    (known(planned=7, awaited=7, merged=6, enough=1).with_slices(1, 16), steps.PlanSlices(8, 200)),
     (known(planned=6, awaited=6, merged=3, enough=3).with_slices(2, 16), steps.MergeSlice(3)),
     # Where many are planned, they are not planned one by one
     (

@@ -6,20 +6,19 @@ import warnings
 import zipfile
 from collections.abc import Callable, Mapping
 
-PLY = b"""ply
-format ascii 1.0
-element vertex 3
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-end_header
-0 0 0
-1 0 0
-0 1 0
-3 0 1 2
-"""
+
+def ply(vertices: str, faces: str, comment: str = "") -> bytes:
+    """A mesh in ASCII; vertices and faces are separated by commas."""
+    places, polygons = vertices.split(", "), faces.split(", ")
+    header = (
+        *("ply", "format ascii 1.0", *filter(None, [comment]), f"element vertex {len(places)}"),
+        *(f"property float {axis}" for axis in "xyz"),
+        *(f"element face {len(polygons)}", "property list uchar int vertex_indices", "end_header"),
+    )
+    return "\n".join((*header, *places, *polygons, "")).encode()
+
+
+PLY = ply("0 0 0, 1 0 0, 0 1 0", "3 0 1 2")
 #: The least that has the beginning and the end of a PNG.
 PNG = b"\x89PNG\r\n\x1a\n\0\0\0\0IEND\xaeB`\x82"
 SENSOR = '<sensor type="perspective"/>'

@@ -22,24 +22,10 @@ from plateau.farm.model.scene_roots import read_roots
 from plateau.worker.supervisor.placed_files import PlacedFiles
 from plateau.worker.supervisor.scene_cache import SceneCache
 from tests.support.farms.bench import SCENE, Bench
+from tests.support.scenes.bundles import ply
 from tests.support.until import until
 
-QUAD = b"""ply
-format ascii 1.0
-element vertex 4
-property float x
-property float y
-property float z
-element face 2
-property list uchar int vertex_indices
-end_header
--1 -1 3
-1 -1 3
-1 1 3
--1 1 3
-3 0 2 1
-3 0 3 2
-"""
+QUAD = ply("-1 -1 3, 1 -1 3, 1 1 3, -1 1 3", "3 0 2 1, 3 0 3 2")
 SPHERE = '<shape type="sphere"><transform name="to_world"><translate z="4"/></transform>'
 PLY = '<shape type="ply"><string name="filename" value="$mesh"/>'
 

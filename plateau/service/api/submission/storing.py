@@ -1,6 +1,5 @@
 """Stores the scene of a submission, once it is checked and within the key's quota."""
 
-import hashlib
 import os
 import re
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from starlette.exceptions import HTTPException
 
 from plateau.farm.blobs import names as blob_names
 from plateau.farm.bundle import SceneSummary
+from plateau.farm.bundle.hashes import sha256_of
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.service.api.access.callers import Caller, CallerOf
@@ -27,7 +27,6 @@ from plateau.service.api.submission.reading import Submission, submission
 from plateau.service.api.submission.scene_parts import Scene, ScenePath, opened, placed_file
 
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
-_CHUNK_BYTES: Final = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -120,12 +119,10 @@ def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> Non
 
 
 def _sha256(file: BinaryIO) -> str:
-    digest = hashlib.sha256()
     file.seek(0)
-    while chunk := file.read(_CHUNK_BYTES):
-        digest.update(chunk)
+    found = sha256_of(file)
     file.seek(0)
-    return digest.hexdigest()
+    return found
 
 
 def _clean_name(filename: str | None) -> str:

@@ -1,0 +1,16 @@
+"""A farm of real processes, which the tests of a file share."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.farms.real_farm import RealFarm
+
+
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
+    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
+        farm.start("monitor")
+        farm.workers(2)
+        yield farm
