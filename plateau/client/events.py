@@ -96,14 +96,11 @@ def typed(event: Event) -> Event:
 def is_rendered(event: Event, spec: JobSpec) -> bool:
     """Whether the job, which has this spec, needs no more samples after the event.
 
-    So it is once it has ended, or at the point at which its rule or its cap ends it: then its last
-    pictures are made, before it ends.
+    At the point at which its rule or its cap ends it, only its last pictures are still to be made.
     """
-    if isinstance(event, StateEvent):
-        return event.state.ended
-    if not isinstance(event, PointEvent) or spec.shot is not None:  # which may go on
-        return False
-    point = event.point
-    said = point.rules.get(spec.rule.name)
-    stops = said is not None and said.stop and point.spp >= (spec.min_spp or 0)
-    return stops or point.spp >= spec.max_spp
+    if isinstance(event, PointEvent) and spec.shot is None:  # a shot may want more
+        point = event.point
+        said = point.rules.get(spec.rule.name)
+        stops = said is not None and said.stop and point.spp >= (spec.min_spp or 0)
+        return stops or point.spp >= spec.max_spp
+    return isinstance(event, StateEvent) and event.state.ended

@@ -32,10 +32,7 @@ def dataset(
             show_default="one a GPU, or else a core, at most 8",
         ),
     ] = None,
-    threads: Annotated[
-        int | None,
-        typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
-    ] = None,
+    threads: o.Threads = None,
     on: o.On = None,
     sheet: Annotated[
         bool,

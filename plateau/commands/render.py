@@ -33,10 +33,7 @@ def render(
             max=256,
         ),
     ] = 1,
-    threads: Annotated[
-        int | None,
-        typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
-    ] = None,
+    threads: o.Threads = None,
     on: o.On = None,
     no_curve: o.NoCurve = False,
     as_json: o.Json = False,

@@ -41,15 +41,12 @@ class _Request(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer one request; what it stores is on the disk when the answer goes out."""
         given = self.headers.get("Authorization", "")
-        body = b""
         if not hmac.compare_digest(given.encode(), self.server.expected.encode()):
             self.close_connection = True  # what it wanted to send stays unread
             self._send(403)
             return
-        if self.command == "PUT":
-            body = self.rfile.read(int(self.headers["Content-Length"]))
         try:
-            self._do(unquote(self.path[1:]), body)
+            self._do(unquote(self.path[1:]), self.server.blobs)
         except (FileNotFoundError, ValueError):  # the latter: this is no name of a blob
             self._send(404)
         except BlobsUnavailable as error:  # the disk is full
@@ -57,10 +54,10 @@ class _Request(BaseHTTPRequestHandler):
 
     do_HEAD = do_PUT = do_DELETE = do_GET  # noqa: N815
 
-    def _do(self, name: str, body: bytes) -> None:
-        blobs, size = self.server.blobs, None
+    def _do(self, name: str, blobs: Blobs) -> None:
+        size = None
         if self.command == "PUT":
-            blobs.put(name, body)
+            blobs.put(name, self.rfile.read(int(self.headers["Content-Length"])))
         elif self.command == "DELETE":
             blobs.delete(name)
         elif self.command == "HEAD":

@@ -6,8 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Final
 
@@ -33,32 +32,31 @@ _APART: Final = JOB_SEEDS // 2 + 1
 _NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
 
 
+@dataclass(frozen=True)
+class OpenFarm:
+    """A farm that renders images."""
+
+    client: Client
+    check: Callable[[], None]  #: to be called a few times a second
+    give_back: Callable[[], None]  #: to be called, in any thread, once nothing is to be rendered
+    window: int  #: the most images that are submitted and not yet taken
+
+
 class MappedJobs:
-    """The images that are under way on a farm.
+    """The images that are under way on a farm."""
 
-    `when_rendered` is called, in any thread, once none needs another sample: before all are taken.
-    """
-
-    def __init__(
-        self,
-        client: Client,
-        spec: JobSpec,
-        window: int,
-        when_rendered: Callable[[], None],
-        *,
-        independent: bool,
-    ) -> None:
-        self._client = client
-        self._window, self._chunk = window, max(1, window // 3)
+    def __init__(self, farm: OpenFarm, spec: JobSpec, *, independent: bool) -> None:
+        self._client, self._give_back = farm.client, farm.give_back
+        self._window, self._chunk = farm.window, max(1, farm.window // 3)
         self._name = f"map-{secrets.token_hex(4)}"
         self._batches = 0
         self._lock = threading.Lock()
-        self._when_rendered = when_rendered
-        self._to_render, self._all_read = 0, False
+        self._to_render: set[int] = set()  # tasks that were read and need samples
+        self._all_read = False
         self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
         self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
         self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
-        self._pool = ThreadPoolExecutor(window + 1, thread_name_prefix="map")
+        self._pool = ThreadPoolExecutor(farm.window + 1, thread_name_prefix="map")
         self._specs = [spec]
         if independent:
             fixed = {"name": "fixed", "spp": spec.inputs[-1]}
@@ -118,17 +116,17 @@ class MappedJobs:
         while coming is not None:
             task, coming = coming, next(tasks, None)
             with self._lock:
-                self._to_render += 1
+                self._to_render.add(task.index)
                 self._all_read = coming is None
             yield task
 
-    def _rendered(self) -> None:
-        """One task needs no more samples."""
+    def _rendered(self, task: Task) -> None:
+        """The task needs no more samples; if it was the last one, nobody needs the nodes."""
         with self._lock:
-            self._to_render -= 1
+            self._to_render.discard(task.index)
             is_over = self._all_read and not self._to_render
         if is_over:
-            self._when_rendered()
+            self._give_back()
 
     def _submit(self, tasks: Sequence[Task]) -> list[tuple[Task, Future[Mapped] | str]]:
         """Submit alike tasks; returns for each what fetches it, or why there is nothing."""
@@ -140,7 +138,7 @@ class MappedJobs:
             ):
                 raise
             if len(tasks) == 1:
-                self._rendered()
+                self._rendered(tasks[0])
                 return [(tasks[0], str(error))]
             middle = len(tasks) // 2  # the others are not to blame
             return self._submit(tasks[:middle]) + self._submit(tasks[middle:])
@@ -176,15 +174,14 @@ class MappedJobs:
 
     def _fetch(self, task: Task, jobs: Sequence[JobView]) -> Mapped:
         """Wait for the jobs of a task, and fetch them."""
-        left = {job.id for job in jobs}
+        *others, last = jobs
 
-        def heard(job: JobView, event: Event) -> None:
-            if job.id in left and is_rendered(event, job.spec):
-                left.remove(job.id)
-                if not left:
-                    self._rendered()
+        def heard(event: Event) -> None:
+            if is_rendered(event, last.spec):
+                self._rendered(task)
 
-        done = [self._client.wait(job.id, on_event=partial(heard, job)) for job in jobs]
+        done = [self._client.wait(job.id) for job in others]
+        done.append(self._client.wait(last.id, on_event=heard))
         results = [self._fetched(job) for job in done]
         failed = next((one for one in results if not one.has_image), None)
         found = Mapped(task=task, result=results[0], noisy=(*results, None)[1])

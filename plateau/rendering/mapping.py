@@ -18,7 +18,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import api_key, read_settings
 from plateau.rendering.mapped import Mapped, SceneOrMaker, Task, Values
-from plateau.rendering.mapped_jobs import MappedJobs
+from plateau.rendering.mapped_jobs import MappedJobs, OpenFarm
 
 #: Jobs in flight on a service, whose workers are not ours to count.
 _ON_A_SERVICE: Final = 48
@@ -175,12 +175,12 @@ class Place:
     @contextmanager
     def opened(
         self, spec: JobSpec, interrupts: Interrupts, tell: Callable[[str], None]
-    ) -> "Iterator[_Opened]":
+    ) -> Iterator[OpenFarm]:
         """The farm, for as long as the context lasts."""
         if self.farm is not None:
             key = self.key or api_key(read_settings())
             with Client(self.farm, key=key, once_heard_s=3600.0) as client:
-                yield _Opened(client, lambda: None, lambda: None, _ON_A_SERVICE)
+                yield OpenFarm(client, lambda: None, lambda: None, _ON_A_SERVICE)
             return
         from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
@@ -190,15 +190,7 @@ class Place:
         with own_farm(
             settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell, on=self.on
         ) as own:
-            yield _Opened(own.client, own.check, own.give_back, 4 * workers + 8)
-
-
-@dataclass(frozen=True)
-class _Opened:
-    client: Client
-    check: Callable[[], None]  #: to be called a few times a second
-    give_back: Callable[[], None]  #: to be called when nothing more is to be rendered
-    window: int  #: the most images that are submitted and not yet taken
+            yield OpenFarm(own.client, own.check, own.give_back, 4 * workers + 8)
 
 
 def rendered(
@@ -232,7 +224,7 @@ def rendered(
     if first is None:
         return
     with place.opened(spec, asked, tell) as farm:
-        run = MappedJobs(farm.client, spec, farm.window, farm.give_back, independent=independent)
+        run = MappedJobs(farm, spec, independent=independent)
         try:
             for one in run.results(chain([first], iter_tasks), ordered=ordered):
                 if one is not None:

@@ -3,6 +3,7 @@
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,10 +109,7 @@ def render(
     """
     asked = spec_of(spec, fields)
     folder = None if out is None else at_home(out)
-
-    def shown(client: "Client") -> "Progress":
-        return _progress(client, wanted=progress)
-
+    shown = partial(_progress, wanted=progress)
     with (
         nullcontext() if folder is None else ready(folder),
         scene_file(scene) as file,

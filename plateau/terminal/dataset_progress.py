@@ -31,20 +31,10 @@ class Course:
         return self.there + self.states.total()
 
     @property
-    def failed(self) -> int:
-        """Those that have failed in this run."""
-        return self.states["failed"]
-
-    @property
     def rate(self) -> float | None:
         """Images in a second; None before the first."""
         seconds = time.monotonic() - self.began_s
         return self.states.total() / seconds if self.states and seconds > 0 else None
-
-    @property
-    def left_s(self) -> float | None:
-        """Seconds that the rest will take at this rate."""
-        return (self.total - self.done) / self.rate if self.rate else None
 
 
 @contextmanager
@@ -72,8 +62,9 @@ def dataset_progress_on(console: Console) -> Iterator[Callable[[Course], None]]:
 
 def _words(course: Course) -> tuple[str, str]:
     done = f"{course.done:,} of {course.total:,} images"
-    if course.failed:
-        done += f", {course.failed:,} failed"
+    if failed := course.states["failed"]:
+        done += f", {failed:,} failed"
     rate = "" if course.rate is None else f"{60 * course.rate:,.3g} a minute"
-    left = "" if not course.left_s else f"about {figures.roughly(course.left_s)} left"
+    left_s = (course.total - course.done) / course.rate if course.rate else 0.0
+    left = f"about {figures.roughly(left_s)} left" if left_s else ""
     return done, "  ".join(filter(None, (rate, left)))

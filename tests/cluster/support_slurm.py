@@ -152,10 +152,6 @@ class Slurm:
         fields = dict(one.partition("=")[::2] for one in told.split())
         return fields["JobState"], fields["ExitCode"]
 
-    def node_of(self, job: str) -> str:
-        """Where a job runs."""
-        return self.run("squeue", "--noheader", "--array", "-j", job, "-o", "%N")
-
     def stop_controller(self) -> None:
         """Stop slurmctld, as for an upgrade."""
         controller = self._daemons.pop("slurmctld")

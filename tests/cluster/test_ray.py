@@ -67,16 +67,16 @@ class RayCluster:
     def have(self, nodes: int) -> None:
         """Add nodes, or have the newest die."""
         while self._nodes != nodes:
-            print("add" if self._nodes < nodes else "die", file=self.process.stdin, flush=True)
-            self._nodes = int(self._answer())
+            self._nodes = int(self._answer("add" if self._nodes < nodes else "die"))
 
     def free(self) -> float:
         """The processors that nobody uses."""
-        print("free", file=self.process.stdin, flush=True)
-        return float(self._answer())
+        return float(self._answer("free"))
 
-    def _answer(self) -> str:
+    def _answer(self, asked: str = "") -> str:
         assert self.process.stdout is not None
+        if asked:
+            print(asked, file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline().strip()
         assert answer, "Ray's cluster ended"
         return answer

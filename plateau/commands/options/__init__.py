@@ -74,6 +74,10 @@ Seen = Annotated[
         autocompletion=complete.places,
     ),
 ]
+Threads = Annotated[
+    int | None,
+    typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
+]
 On = Annotated[
     str | None,
     typer.Option(

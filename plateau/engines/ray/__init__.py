@@ -16,7 +16,6 @@ from plateau.engines.contract import Crew, Task, TaskState
 from plateau.errors import CommandFailed, needs
 
 _ANSWER_S: Final = 5.0  #: for the head's first answer
-_WITHOUT_CPUS: Final = 1  #: CPUs of a worker where no node of the cluster has any yet
 
 
 class _Parser(argparse.ArgumentParser):
@@ -122,7 +121,7 @@ class Ray:
             at_once = [node.get(name, 0) // count for name, count in needed.items()]
             if node.get("CPU") and min(at_once, default=1) >= 1:
                 shares.append(int(node["CPU"] // min(at_once, default=1)))
-        return max(1, min(shares)) if shares else _WITHOUT_CPUS
+        return max(1, min(shares, default=1))  # there may be no such node yet
 
 
 def _connect(ray: Any, address: str) -> None:

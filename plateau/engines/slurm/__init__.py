@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from plateau.engines.contract import Crew, Task, TaskState
-from plateau.errors import CommandFailed, PlateauError
+from plateau.errors import CommandFailed
 
 #: Longest wait for a command: a controller may be busy, or be taken over by its backup.
 _PATIENCE_S: Final = 60.0
@@ -33,10 +33,6 @@ _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 #: Variables that nodes have from the crew, and those of the job in which the command may run.
 _NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*")
 _LAST_WORDS: Final = 400  #: characters
-
-
-class SlurmFailed(PlateauError):
-    """A command of Slurm failed; the message quotes it."""
 
 
 class Slurm:
@@ -150,12 +146,12 @@ def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
             start_new_session=True,  # a Ctrl-C in the terminal is not meant for it
         )
     except subprocess.TimeoutExpired as error:
-        raise SlurmFailed(
+        raise CommandFailed(
             f"Slurm's {command[0]} did not answer within {_PATIENCE_S:g} s; `scontrol ping` says "
             "whether its controller runs"
         ) from error
     if done.returncode:
         lines = [line.removeprefix(f"{command[0]}: error: ") for line in done.stderr.splitlines()]
         words = "; ".join(filter(None, map(str.strip, lines))) or f"exit code {done.returncode}"
-        raise SlurmFailed(f"Slurm's {command[0]} failed: {words}")
+        raise CommandFailed(f"Slurm's {command[0]} failed: {words}")
     return done.stdout.strip()

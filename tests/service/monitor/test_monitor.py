@@ -232,7 +232,6 @@ def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:
 def ended(farm: NoiseFarm, **spec: object) -> Job:
     with farm.monitor():
         job = farm.finish(farm.submit(**{**QUICK, **spec}))
-    # Whoever hears of the last point, and of no other, knows that no more samples are wanted
     points = [event for event in map(typed, farm.jobs.events(job.id)) if event.type == "point"]
     assert [is_rendered(one, job.spec) for one in points] == [one is points[-1] for one in points]
     return job
