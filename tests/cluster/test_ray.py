@@ -22,6 +22,7 @@ from tests.cluster.support_engines import (
     is_refused,
     stopping,
 )
+from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 pytestmark = pytest.mark.timeout(900)
@@ -35,16 +36,15 @@ from ray.cluster_utils import Cluster
 answers = os.fdopen(os.dup(1), "w", buffering=1)
 os.dup2(2, 1)  # for what Ray says
 head = {"num_cpus": 0, "include_dashboard": False, "temp_dir": sys.argv[1]}
+head["ray_client_server_port"] = int(sys.argv[2])
 cluster, nodes = Cluster(initialize_head=True, head_node_args=head), []
 ray.init(cluster.address)
-print(cluster.address, file=answers)
 for line in sys.stdin:
     if line == "add\\n":
         nodes.append(cluster.add_node(num_cpus=1))
     elif line == "die\\n":
         cluster.remove_node(nodes.pop(), allow_graceful=False)
-    free = ray.available_resources().get("CPU", 0)
-    print(free if line == "free\\n" else len(nodes), file=answers)
+    print(len(nodes), ray.available_resources().get("CPU", 0), cluster.address, file=answers)
 cluster.shutdown()
 """
 
@@ -55,29 +55,28 @@ class RayCluster:
     def __init__(self, folder: str) -> None:
         assert PYTHON.exists(), "Ray is missing: run `make test-cluster`, which installs it"
         self.process = subprocess.Popen(
-            [PYTHON, "-c", CLUSTER, folder],
+            [PYTHON, "-c", CLUSTER, folder, str(port := free_ports(1)[0])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
         )
-        self.address = self._answer()
+        self.address, self.outside = self._answer("look")[2], f"ray://127.0.0.1:{port}"
         self._nodes = 0
 
     def have(self, nodes: int) -> None:
         """Add nodes, or have the newest die."""
         while self._nodes != nodes:
-            self._nodes = int(self._answer("add" if self._nodes < nodes else "die"))
+            self._nodes = int(self._answer("add" if self._nodes < nodes else "die")[0])
 
     def free(self) -> float:
         """The processors that nobody uses."""
-        return float(self._answer("free"))
+        return float(self._answer("look")[1])
 
-    def _answer(self, asked: str = "") -> str:
+    def _answer(self, asked: str) -> list[str]:
         assert self.process.stdout is not None
-        if asked:
-            print(asked, file=self.process.stdin, flush=True)
-        answer = self.process.stdout.readline().strip()
+        print(asked, file=self.process.stdin, flush=True)
+        answer = self.process.stdout.readline().split()
         assert answer, "Ray's cluster ended"
         return answer
 
@@ -124,11 +123,11 @@ def test_one_command_uses_what_comes_outlives_what_goes_and_gives_all_back(
     command.is_gone()
 
 
-def test_a_data_set_is_made_and_its_nodes_are_given_back(
+def test_a_data_set_is_made_from_outside_the_cluster_and_its_nodes_are_given_back(
     run: Run, cluster: RayCluster, tmp_path: Path
 ) -> None:
     cluster.have(2)
-    command = run("--workers", "2", dataset=True)
+    command = run("--workers", "2", "--on", f"ray --address={cluster.outside}", dataset=True)
     assert command.exit_code() == 0, command.said
     lines = (tmp_path / "out" / "manifest.jsonl").read_text().splitlines()
     assert [json.loads(line)["spp"] for line in lines] == [64] * 6
