@@ -22,7 +22,6 @@ from tests.cluster.support_engines import (
     is_refused,
     stopping,
 )
-from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
 pytestmark = pytest.mark.timeout(900)
@@ -36,7 +35,6 @@ from ray.cluster_utils import Cluster
 answers = os.fdopen(os.dup(1), "w", buffering=1)
 os.dup2(2, 1)  # for what Ray says
 head = {"num_cpus": 0, "include_dashboard": False, "temp_dir": sys.argv[1]}
-head["ray_client_server_port"] = int(sys.argv[2])
 cluster, nodes = Cluster(initialize_head=True, head_node_args=head), []
 ray.init(cluster.address)
 for line in sys.stdin:
@@ -55,13 +53,13 @@ class RayCluster:
     def __init__(self, folder: str) -> None:
         assert PYTHON.exists(), "Ray is missing: run `make test-cluster`, which installs it"
         self.process = subprocess.Popen(
-            [PYTHON, "-c", CLUSTER, folder, str(port := free_ports(1)[0])],
+            [PYTHON, "-c", CLUSTER, folder],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
         )
-        self.address, self.outside = self._answer("look")[2], f"ray://127.0.0.1:{port}"
+        self.address = self._answer("look")[2]
         self._nodes = 0
 
     def have(self, nodes: int) -> None:
@@ -123,11 +121,11 @@ def test_one_command_uses_what_comes_outlives_what_goes_and_gives_all_back(
     command.is_gone()
 
 
-def test_a_data_set_is_made_from_outside_the_cluster_and_its_nodes_are_given_back(
+def test_a_data_set_is_made_and_its_nodes_are_given_back(
     run: Run, cluster: RayCluster, tmp_path: Path
 ) -> None:
     cluster.have(2)
-    command = run("--workers", "2", "--on", f"ray --address={cluster.outside}", dataset=True)
+    command = run("--workers", "2", dataset=True)
     assert command.exit_code() == 0, command.said
     lines = (tmp_path / "out" / "manifest.jsonl").read_text().splitlines()
     assert [json.loads(line)["spp"] for line in lines] == [64] * 6
@@ -160,9 +158,9 @@ def test_when_the_front_goes_the_nodes_end_their_work(
 
 
 def test_where_there_is_no_ray_it_says_what_to_do(run: Run) -> None:
-    command = run("--on", "ray --address=127.0.0.1:9 --num-gpus=1")
+    command = run("--on", "ray --address=ray://127.0.0.1:9 --num-gpus=1")
     assert command.exit_code() == 1
-    assert "there is no Ray cluster at '127.0.0.1:9'" in command.said
+    assert "no Ray cluster answers at 'ray://127.0.0.1:9' ([Errno 111]" in command.said
     refused = run("--on", "ray --gpus=1")
     assert refused.exit_code() == 1
     assert "--on ray: unrecognized arguments: --gpus=1; it takes ray [--address" in refused.said

@@ -133,9 +133,9 @@ def _connect(ray: Any, address: str) -> None:
             socket.create_connection((host, int(port)), _ANSWER_S).close()
         ray.init(address, log_to_driver=False, configure_logging=False)
     except (OSError, RuntimeError, ValueError) as error:
-        said = str(error).partition("\n")[0]
+        said = str(error).partition("\n")[0].rstrip(":")
         raise CommandFailed(
-            f"there is no Ray cluster at {address!r} ({said}); name its head, as in "
+            f"no Ray cluster answers at {address!r} ({said}); name its head, as in "
             "--on 'ray --address=HOST:6379', or start one on this machine by --address=local"
         ) from error
     if threading.current_thread() is threading.main_thread():
