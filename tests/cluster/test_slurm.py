@@ -104,8 +104,9 @@ class TestOneCommand:
         until(lambda: not slurm.jobs())
 
     def test_a_map_gives_its_nodes_back_while_its_caller_is_busy_with_the_first_image(
-        self, slurm: Slurm, tmp_path: Path
+        self, slurm: Slurm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        monkeypatch.chdir(tmp_path)  # for Slurm's logs
         told = slurm.environment | {"GO_ON": str(tmp_path / "go on")}
         command = Command(folder=tmp_path, program=("-c", MAP), **told)
         command.wait_for("the first of 5")
