@@ -26,6 +26,7 @@ from plateau.worker.supervisor.child_process import (
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.scenes.bundles import PLY, mesh, scene
+from tests.support.until import until
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, timeout_s=60)
