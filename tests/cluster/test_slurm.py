@@ -163,6 +163,7 @@ class TestOneCommand:
         slurm.run("sbatch", *urgent, "--output=/dev/null")
         until(lambda: {first, second} <= set(slurm.jobs("--states=PENDING")))
         until(lambda: {first, second} == set(slurm.jobs("--states=RUNNING")))
+        until(lambda: len(slurm.processes()) >= 6)  # for each a keeper, a supervisor and a child
         # As before a time limit
         slurm.run("scancel", "--batch", "--signal=TERM", first)
         until(lambda: first not in slurm.jobs() and len(slurm.jobs("--states=RUNNING")) == 2)
