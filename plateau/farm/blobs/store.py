@@ -100,6 +100,8 @@ class Blobs:
         with self._calling():
             self._check_mark()
             self._place.put(name, content)
+            if self.scratch is not None:  # it may be in the empty folder below a disk that has gone
+                self._check_mark()
 
     def put_once(self, name: str, content: BinaryIO, size: int) -> None:
         """Store a blob whose name fixes its content, unless the store has it in its full size.

@@ -120,11 +120,7 @@ _A_POINT: Final = (
         lambda known: known.is_to_be_judged and known.is_to_be_denoised,
         DenoiseImage(),
     ),
-    Row(
-        "the sums have reached a point of the curve",
-        lambda known: known.is_to_be_judged,
-        JudgeImage(),
-    ),
+    Row("the sums have reached a point", lambda known: known.is_to_be_judged, JudgeImage()),
 )
 
 OPEN: Final = (

@@ -88,6 +88,17 @@ def test_a_put_that_is_killed_leaves_what_nobody_takes_for_a_blob(
     assert store.leftovers(older_than_s=3600) == left
 
 
+def test_a_put_into_a_disk_that_goes_meanwhile_has_failed(store: Blobs, tmp_path: Path) -> None:
+    class Content(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            (tmp_path / "blobs").rename(tmp_path / "gone")
+            return super().read(size)
+
+    store.make_mark("ours")
+    with pytest.raises(StoreUnavailable, match="is it still mounted"):
+        store.put("jobs/j/image.exr", Content())
+
+
 def is_put(store: Blobs, name: str, content: bytes) -> bool:
     """Whether there was room for the blob."""
     try:

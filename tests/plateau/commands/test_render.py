@@ -90,7 +90,7 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
 def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    for _ in range(10):  # on a busy machine a job may have begun first, whose results replace it
+    for _ in range(10):  # on a busy machine a job may have begun before
         (out / ".plateau-job").write_text("0123456789ab\n")
         (out / "image.png").write_text("an earlier image")
         (out / "summary.json").unlink(missing_ok=True)

@@ -16,6 +16,7 @@ from typing import Final
 import pytest
 
 from tests.support.missing import missing
+from tests.support.until import until
 
 _ROOT: Final = 0
 #: Administrators' commands are not on everybody's PATH.
@@ -76,8 +77,8 @@ class LoopDisk:
         return ballast
 
     def make_read_only(self) -> None:
-        """Mount it anew so that nothing can be written."""
-        _run("mount", "-o", "remount,ro", str(self.folder))
+        """Mount it anew so that nothing can be written, as soon as nothing is being written."""
+        until(lambda: subprocess.call(["mount", "-o", "remount,ro", self.folder]) == 0)
 
     def make_writable(self) -> None:
         """Mount it anew as it was."""

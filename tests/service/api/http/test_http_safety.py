@@ -115,10 +115,9 @@ class TestEveryAnswer:
             b"nonsense\r\n\r\n",
             b"GET /v1/jobs HTTP/1.1\r\n\r\n",  # no Host
             b"GET /v1/jobs HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n",
-            # Of one byte more the server would not hear, and so cut the answer off
             b"GET /v1/jobs HTTP/1.1\r\nHost: localhost\r\nX: ".ljust(2**16 + 1, b"x"),
         ],
-        ids=["no HTTP", "no Host", "two hosts", "a long head"],
+        ids=["no HTTP", "no Host", "two hosts", "a head just too long"],
     )
     def test_of_the_server_itself_is_a_problem_and_says_so(
         self, http: httpx.Client, sent: bytes
