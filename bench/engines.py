@@ -104,7 +104,7 @@ def render(plan: Plan, on: str | None, workers: int) -> Run:
             for event in farm.client.events(job.id):
                 farm.check()
                 first = first or (event.at.timestamp() if event.type == "slice" else 0.0)
-                if is_rendered(event, job.spec):
+                if is_rendered(event):
                     farm.give_back()
             job = farm.client.job(job.id)
             image = decode_image(farm.client.image(job.id, "image.exr")).tobytes()

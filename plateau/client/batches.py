@@ -1,7 +1,6 @@
 """Calls that submit, show, list and steer batches."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
 
 from plateau.client.short_ids import with_whole_ids
 from plateau.client.submission import refusing, submitted
@@ -17,9 +16,6 @@ from plateau.farm.wire.batch_views import (
 )
 from plateau.farm.wire.shot_views import ShotView, shot_path
 from plateau.files.scene_at_hand import SceneAtHand
-
-#: The most that the service puts on one page.
-_LARGEST_PAGE: Final = 100
 
 
 class BatchCalls(Calls):
@@ -89,21 +85,15 @@ class BatchCalls(Calls):
         """
         return self._transport.read(ShotView, shot_path(name))
 
-    def batches(self, *, cursor: str | None = None, limit: int = 20) -> BatchPage:
-        """A page of batches, those with the newest jobs first; `limit` is at most 100."""
-        asked = {"cursor": cursor, "limit": limit}
-        params = {name: value for name, value in asked.items() if value is not None}
-        return self._transport.read(BatchPage, "/v1/batches", params=params)
-
     def all_batches(self) -> Iterator[BatchLineView]:
         """Every batch, those with the newest jobs first; pages are fetched as they are needed."""
-        cursor = None
+        params: dict[str, str | int] = {"limit": 100}  # the most
         while True:
-            page = self.batches(cursor=cursor, limit=_LARGEST_PAGE)
+            page = self._transport.read(BatchPage, "/v1/batches", params=params)
             yield from page.batches
-            cursor = page.next_cursor
-            if cursor is None:
+            if page.next_cursor is None:
                 return
+            params["cursor"] = page.next_cursor
 
     def cancel_batch(self, name: str) -> BatchSteered:
         """Cancel all jobs of the batch that have not ended; returns the outcome for each job."""

@@ -75,11 +75,6 @@ class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, FarmCalls):
         """URL of the service, without a slash at its end."""
         return self._transport.url
 
-    @property
-    def service_version(self) -> str | None:
-        """The version of the service; None before its first answer, and if it names none."""
-        return self._transport.version
-
     def __enter__(self) -> "Client":
         return self
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.model.job import CurvePoint
+from plateau.farm.wire.curve_csv import FIGURES
 
 _COUNTS: Final = ("spp", "visible_pixels", "non_finite_pixels")
-_APART: Final = frozenset({*_COUNTS, "at", "rules"})
-_FIGURES: Final = tuple(name for name in CurvePoint.model_fields if name not in _APART)
 
 
 def columns(points: list[CurvePoint]) -> dict[str, NDArray[Any]]:
@@ -20,8 +19,8 @@ def columns(points: list[CurvePoint]) -> dict[str, NDArray[Any]]:
         name: np.array([getattr(point, name) for point in points], dtype=np.int64)
         for name in _COUNTS
     }
-    for name in _FIGURES:
-        found[name] = _floats(getattr(point, name) for point in points)
+    for name in FIGURES:
+        found.setdefault(name, _floats(getattr(point, name) for point in points))
     times = [point.at.astimezone(timezone.utc).replace(tzinfo=None) for point in points]
     found["at"] = np.array(times, dtype="datetime64[ms]")
     for rule in sorted({name for point in points for name in point.rules}):

@@ -11,7 +11,6 @@
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Event
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
 
@@ -47,6 +46,10 @@ class PointEvent(Event):
         return CurvePoint.model_validate({"at": self.at, **self.data})
 
 
+class RenderedEvent(Event):
+    """The job needs no more samples: only its last pictures are still to be made."""
+
+
 class _OfASlice(Event):
     @property
     def index(self) -> int:
@@ -76,11 +79,11 @@ class FinishedEvent(Event):
     """The final images are written. This is the last event of a stream."""
 
 
-#: A newer service may have other types; they stay plain events.
 _KINDS: Final[dict[str, type[Event]]] = {
     "state": StateEvent,
     "image": ImageEvent,
     "point": PointEvent,
+    "rendered": RenderedEvent,
     "slice": SliceEvent,
     "trouble": TroubleEvent,
     "finished": FinishedEvent,
@@ -93,14 +96,7 @@ def typed(event: Event) -> Event:
     return kind(id=event.id, type=event.type, data=event.data, at=event.at)
 
 
-def is_rendered(event: Event, spec: JobSpec) -> bool:
-    """Whether the job, which has this spec, needs no more samples after the event.
-
-    At the point at which its rule or its cap ends it, only its last pictures are still to be made.
-    """
-    if isinstance(event, PointEvent) and spec.shot is None:  # a shot may want more
-        point = event.point
-        said = point.rules.get(spec.rule.name)
-        stops = said is not None and said.stop and point.spp >= (spec.min_spp or 0)
-        return stops or point.spp >= spec.max_spp
-    return isinstance(event, StateEvent) and event.state.ended
+def is_rendered(event: Event) -> bool:
+    """Whether its job needs no more samples."""
+    ended = isinstance(event, StateEvent) and event.state.ended
+    return ended or isinstance(event, RenderedEvent)

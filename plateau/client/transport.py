@@ -77,7 +77,6 @@ class Transport:
         on_version: Callable[[str], object] | None,
     ) -> None:
         self.url = _checked(url)
-        self.version: str | None = None
         #: makes a shortened id in a path whole
         self.whole_id: Callable[[str], str] = str
         self._on_version = on_version
@@ -109,10 +108,9 @@ class Transport:
     def _heard(self, answer: httpx.Response) -> None:
         self._is_heard = self._is_heard or answer.is_success
         version = answer.headers.get(_VERSION)
-        if version is not None and self.version is None:
-            self.version = version
-            if self._on_version is not None:
-                self._on_version(version)
+        if version is not None and self._on_version is not None:
+            tell, self._on_version = self._on_version, None
+            tell(version)
 
     def read(self, kind: type[Model], path: str, **arguments: Any) -> Model:
         """The answer to a GET of the path, as `ask` parses it."""

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final, NoReturn, Protocol
+
+from plateau.errors import CommandFailed
 
 #: The entry point group of engines: a callable that fits `Engine.__init__`, by the engine's name.
 GROUP: Final = "plateau.engines"
@@ -38,6 +40,12 @@ class Crew:
     python: str  #: the interpreter that has Plateau on the nodes
     environment: Mapping[str, str]  #: every PLATEAU_… variable of a worker, secrets included
     threads: int | None  #: cores of each worker; None for what the engine gives
+
+
+def refuse_several_gpus(option: str) -> NoReturn:
+    """Say what to ask for in place of an option that gives a worker several GPUs."""
+    instead = f"in place of {option} ask for one, and for more --workers"
+    raise CommandFailed(f"a worker renders on one GPU: {instead}")
 
 
 class Engine(Protocol):

@@ -1,13 +1,11 @@
 """From ``--on`` to a fleet: the engine that it names, and what its nodes need of this machine."""
 
 import os
-import re
 import secrets
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import Final
 
 from plateau.engines.blob_server import serving
 from plateau.engines.contract import GROUP, Crew, Engine
@@ -20,11 +18,6 @@ from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.link import connect
 from plateau.processes.tree import Tree
-
-#: An option, of Slurm's or Ray's, that gives each worker several GPUs.
-_SEVERAL_GPUS: Final = re.compile(
-    r"--((num-)?gpus(-per-\w+)?[= ](\S+:)?|gres[= ](\S*,)?gpu:([^\s:,]+:)?)([2-9]|1\d)\d*(?![^\s,])"
-)
 
 
 @contextmanager
@@ -57,7 +50,4 @@ def named(on: str) -> tuple[Callable[[Sequence[str], Crew], Engine], list[str]]:
     engines = {entry.name: engine for entry, engine in offered(GROUP)}
     if name not in engines:
         raise CommandFailed(f"there is no engine {name!r}; there are {', '.join(sorted(engines))}")
-    if several := _SEVERAL_GPUS.search(on):
-        instead = f"in place of {several[0]} ask for one, and for more --workers"
-        raise CommandFailed(f"a worker renders on one GPU: {instead}")
     return engines[name], options

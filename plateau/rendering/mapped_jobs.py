@@ -177,7 +177,7 @@ class MappedJobs:
         *others, last = jobs
 
         def heard(event: Event) -> None:
-            if is_rendered(event, last.spec):
+            if is_rendered(event):
                 self._rendered(task)
 
         done = [self._client.wait(job.id) for job in others]

@@ -265,7 +265,7 @@ def _run(
     cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)
 
     def tick(event: "Event | None") -> None:
-        if event is not None and is_rendered(event, job.spec):
+        if event is not None and is_rendered(event):
             farm.give_back()
         farm.check()
         cancel_if_asked(event)

@@ -59,16 +59,26 @@ def farm(shared_farm: FaultyFarm) -> Iterator[FaultyFarm]:
     shared_farm.stop_all(but=shared_farm.kept)
 
 
+def hit(
+    farm: FaultyFarm, stage: str, signal_name: str = "SIGKILL", **more: Any
+) -> subprocess.Popen[bytes]:
+    """Start the process that has the stage, in which a signal arrives."""
+    is_monitor = stage in MONITOR_STAGES
+    where, when, nth = (WORKER_STAGES | MONITOR_STAGES)[stage]
+    given = {"constants": EVERY_TIME, **more} if is_monitor else more
+    role = "monitor" if is_monitor else "worker"
+    return farm.start_armed(role, where, when=when, time=nth, signal_name=signal_name, **given)
+
+
 @pytest.mark.parametrize(
     "stage", cases(WORKER_STAGES, ["in mid-pass", *rare("between put and commit")])
 )
 def test_a_worker_that_is_killed(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = WORKER_STAGES[stage]
     farm.keep("monitor")
     job = submit()
-    victim = farm.start_armed("worker", where, when=when, time=nth)
+    victim = hit(farm, stage)
     farm.wait_until_ended(victim, signal.SIGKILL)
     farm.start("worker")
     assert_same(outcome(farm, job), undisturbed)
@@ -76,14 +86,11 @@ def test_a_worker_that_is_killed(
 
 def _job_whose_child_is_sent(farm: FaultyFarm, submit: Submit, stage: str, signal_name: str) -> str:
     """Start a farm whose worker's render child gets this signal in this stage; return its job."""
-    where, when, nth = WORKER_STAGES[stage]
     farm.keep("monitor")
     # With another, though it was killed a moment ago, the job would be left to that one for minutes
     until(lambda: not farm.client.workers())
     job = submit()
-    farm.start_armed(
-        "worker", where, when=when, time=nth, signal_name=signal_name, target="children"
-    )
+    hit(farm, stage, signal_name, target="children")
     return job
 
 
@@ -120,16 +127,8 @@ def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submi
     watch = "plateau.worker.supervisor.child_watch"
     farm.keep("monitor")
     job = submit()
-    where, when, nth = WORKER_STAGES["in mid-pass"]
-    farm.start_armed(
-        "worker",
-        where,
-        when=when,
-        time=nth,
-        signal_name="SIGSTOP",
-        target="children",
-        constants={f"{watch}:STILL_S": 5.0, f"{watch}:_TOLD_S": 1.0},
-    )
+    sooner = {f"{watch}:STILL_S": 5.0, f"{watch}:_TOLD_S": 1.0}
+    hit(farm, "in mid-pass", "SIGSTOP", target="children", constants=sooner)
     # Then the farm sees it while its worker lives, and takes its slice back
     until(
         lambda: any("uses no processor time" in str(one.trouble) for one in farm.client.workers())
@@ -147,10 +146,9 @@ def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submi
 def test_a_zombie_worker_comes_back_and_commits_late(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = WORKER_STAGES[stage]
     farm.keep("monitor")
     job = submit()
-    zombie = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGSTOP")
+    zombie = hit(farm, stage, "SIGSTOP")
     farm.wait_until_stopped(zombie)
     committed = farm.jobs.ledger(job).keys()
     its_own = next(index for index in itertools.count() if index not in committed)
@@ -167,10 +165,9 @@ def test_a_zombie_worker_comes_back_and_commits_late(
 def test_a_worker_that_is_told_to_stop_gives_its_slice_back(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = WORKER_STAGES[stage]
     farm.keep("monitor")
     job = submit()
-    victim = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM")
+    victim = hit(farm, stage, "SIGTERM")
     farm.wait_until_ended(victim)
     # What it had is there at once, not after a lease
     farm.start("worker")
@@ -202,10 +199,9 @@ def test_two_monitors_share_jobs_and_never_one(
 def test_a_monitor_that_is_killed(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = MONITOR_STAGES[stage]
     farm.keep("worker")
     job = submit()
-    victim = farm.start_armed("monitor", where, when=when, time=nth, constants=EVERY_TIME)
+    victim = hit(farm, stage)
     farm.wait_until_ended(victim, signal.SIGKILL)
     farm.start("monitor")
     assert_same(outcome(farm, job), undisturbed)
@@ -227,12 +223,9 @@ def test_a_monitor_that_is_killed(
 def test_a_zombie_monitor_comes_back_and_can_write_nothing(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = MONITOR_STAGES[stage]
     farm.keep("worker")
     job = submit()
-    zombie = farm.start_armed(
-        "monitor", where, when=when, time=nth, signal_name="SIGSTOP", constants=EVERY_TIME
-    )
+    zombie = hit(farm, stage, "SIGSTOP")
     farm.wait_until_stopped(zombie)
     farm.start("monitor")
     before = outcome(farm, job)
@@ -248,12 +241,9 @@ def test_a_zombie_monitor_comes_back_and_can_write_nothing(
 def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
-    where, when, nth = MONITOR_STAGES[stage]
     farm.keep("worker")
     job = submit()
-    victim = farm.start_armed(
-        "monitor", where, when=when, time=nth, signal_name="SIGTERM", constants=EVERY_TIME
-    )
+    victim = hit(farm, stage, "SIGTERM")
     farm.wait_until_ended(victim)
     farm.start("monitor")
     assert_same(outcome(farm, job), undisturbed)

@@ -13,9 +13,9 @@ from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
-from tests.acceptance.test_mistakes import IN_A_FILE, mistaken
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.scenes.mistakes import IN_A_FILE, mistaken
 
 DROP = """(place, text) => {
   const dataTransfer = new DataTransfer();

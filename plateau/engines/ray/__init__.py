@@ -12,7 +12,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NoReturn
 
-from plateau.engines.contract import Crew, Task, TaskState
+from plateau.engines.contract import Crew, Task, TaskState, refuse_several_gpus
 from plateau.errors import CommandFailed, needs
 
 _ANSWER_S: Final = 5.0  #: for the head's first answer
@@ -38,6 +38,8 @@ class Ray:
         parser.add_argument("--num-gpus", type=float, default=0)
         parser.add_argument("--resources", type=json.loads, default={}, metavar="JSON")
         given = parser.parse_args(options)
+        if given.num_gpus > 1:
+            refuse_several_gpus(f"--num-gpus={given.num_gpus:g}")
         with needs("ray"):
             import ray
 

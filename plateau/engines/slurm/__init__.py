@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from plateau.engines.contract import Crew, Task, TaskState
+from plateau.engines.contract import Crew, Task, TaskState, refuse_several_gpus
 from plateau.errors import CommandFailed
 
 #: Longest wait for a command: a controller may be busy, or be taken over by its backup.
@@ -32,6 +32,9 @@ _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 
 #: Variables that nodes have from the crew, and those of the job in which the command may run.
 _NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*")
+_SEVERAL_GPUS: Final = re.compile(
+    r"(?<!\S)--(gpus(-per-\w+)?[= ](\S+:)?|gres[= ](\S*,)?gpu:([^\s:,]+:)?)([2-9]|1\d)\d*(?![^\s,])"
+)
 _LAST_WORDS: Final = 400  #: characters
 
 
@@ -43,6 +46,8 @@ class Slurm:
     """
 
     def __init__(self, options: Sequence[str], crew: Crew) -> None:
+        if several := _SEVERAL_GPUS.search(" ".join(options)):
+            refuse_several_gpus(several[0].strip())
         missing = [
             one for one in ("sbatch", "squeue", "scontrol", "scancel") if shutil.which(one) is None
         ]

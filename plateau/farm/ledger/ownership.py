@@ -189,10 +189,13 @@ class Ownerships:
         spp: int,
         point: dict[str, object],
         decided: Round | None = None,
+        *,
+        is_last: bool = False,
     ) -> None:
         """Append a point to the curve, once for each spp.
 
-        `decided` is the round that its image decides; point and round are stored together.
+        `decided` is the round that its image decides; both are stored together. After the point
+        that `is_last` the job needs no more samples, which is an event.
         """
         stored = None if decided is None else DecidedRound(decided.first, decided.as_json())
         self._checked(
@@ -202,6 +205,7 @@ class Ownerships:
                 spp=spp,
                 point=json.dumps(point),
                 round=stored,
+                is_last=is_last,
             )
         )
 

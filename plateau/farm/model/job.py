@@ -267,7 +267,7 @@ class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
     id: str
-    type: str = Field(description="state, image, point, slice, trouble or finished")
+    type: str = Field(description="state, image, point, rendered, slice, trouble or finished")
     data: dict[str, object]
     at: datetime
 

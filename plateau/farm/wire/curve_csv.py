@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.farm.model.job import CurvePoint
 
-_FIGURES: Final = tuple(
+FIGURES: Final = tuple(
     name for name in CurvePoint.model_fields if name not in {"rules", "non_finite_pixels", "at"}
 )
 
@@ -17,7 +17,7 @@ def curve_csv(points: list[CurvePoint]) -> str:
     rules = sorted({name for point in points for name in point.rules})
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    header = [*_FIGURES, "non_finite_pixels", "at"]
+    header = [*FIGURES, "non_finite_pixels", "at"]
     writer.writerow([*header, *chain(*((f"{rule}_value", f"{rule}_stop") for rule in rules))])
     for point in points:
         row = [*(getattr(point, name) for name in header[:-1]), point.at.isoformat()]

@@ -127,7 +127,7 @@ OPEN: Final = (
     Row(
         "a turn begins and workers may soon wait, or they wait",
         lambda known: (
-            (known.ledger is Ledger.UNREAD or (known.is_dry and known.in_hand > 0))
+            (known.ledger is Ledger.UNREAD or known.is_dry)
             and known.lacks_slices
             and not known.is_held
         ),
@@ -157,7 +157,7 @@ OPEN: Final = (
     ),
     Row(
         "a look allows its end, and so far only its sums were stored",
-        lambda known: known.would_end and known.may_end and known.is_to_be_denoised,
+        lambda known: known.is_last and known.is_to_be_denoised,
         DenoiseImage(),
     ),
     Row(

@@ -189,7 +189,9 @@ class JobRun:
         """Append the point to the curve, with the round that its image decides, if any."""
         known = self._known
         decided = self._decided if known.plan.decides(known.merged) else None
-        self._owners.append_point(self.owned, known.spp, self._point, decided)
+        self._owners.append_point(
+            self.owned, known.spp, self._point, decided, is_last=known.is_last
+        )
         return known.with_point(decided, self._point["expected_spp"])
 
     def _show_and_save(self, *, show: bool, save: bool, waits: FrameWait | None = None) -> Known:

@@ -77,7 +77,7 @@ class Known:
     enough: int = 0  #: slices beyond the merged ones that keep every worker busy
     ledger: Ledger = Ledger.UNREAD
     in_hand: int = 0  #: slices that were read from the ledger and are not yet merged
-    is_dry: bool = False  #: whether it had every slice that was awaited: workers wait for more
+    is_dry: bool = False  #: whether they are all that were awaited: workers wait for more
     is_being_denoised: bool = False  #: the merged image
     lost: bool = False  #: whether a partial was lost or damaged
     sought_glimpse: bool = False  #: whether the monitor looked for the first pass
@@ -112,6 +112,11 @@ class Known:
     def would_end(self) -> bool:
         """Whether the merged image would be the last, as far as the job alone is concerned."""
         return self.answer is not None and (self.is_satisfied or self.at_cap)
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no more samples are needed: the merged image ends the job."""
+        return self.would_end and self.may_end
 
     @property
     def is_held(self) -> bool:
@@ -309,11 +314,12 @@ class Known:
 
     def with_slice_merged(self) -> "Known":
         """The next slice is in the sums."""
-        return replace(self, merged=self.merged + 1, in_hand=self.in_hand - 1, flaw=None)
+        in_hand, is_dry = self.in_hand - 1, self.is_dry and self.in_hand > 1
+        return replace(self, merged=self.merged + 1, in_hand=in_hand, is_dry=is_dry, flaw=None)
 
     def with_slice_lost(self) -> "Known":
         """The partial of the next slice is lost or damaged, so no later slice can be merged."""
-        return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
+        return replace(self, in_hand=0, is_dry=False, ledger=Ledger.READ, lost=True)
 
     def with_denoised(self, *, is_done: bool) -> "Known":
         """The merged image is denoised, or being denoised."""

@@ -125,6 +125,8 @@ def test_an_engine_that_is_not_there_is_refused_before_anything_starts(
         code, _, said = plateau("render", "scenes:box", "--on", on)
         assert (code, words in said) == (1, True), said
     monkeypatch.setenv("PATH", str(tmp_path))
-    code, _, said = plateau("render", "scenes:box", "--on", "slurm --gres=gpu:1,nvme:2")
+    code, _, said = plateau(
+        "render", "scenes:box", "--on", "slurm --gres=gpu:1,nvme:2 --comment=--gpus=2"
+    )
     assert code == 1
     assert "these commands of Slurm are not on the PATH: sbatch, squeue, scontrol, scancel" in said

@@ -62,6 +62,7 @@ class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
     spp: int
     point: str  #: JSON
     round: DecidedRound | None  #: if one is decided
+    is_last: bool  #: whether no more samples are needed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,8 +50,8 @@ function for_farm.plan(it)
   return 'planned'
 end
 
--- Append a point to the curve, once for each spp, and with it the round that its image decides, if any.
--- Returns 'appended', 'known' or 'fenced'.
+-- Append a point to the curve, once for each spp, and with it the round that its image decides, if any;
+-- tell if it is the last. Returns 'appended', 'known' or 'fenced'.
 function for_farm.append_point(it)
   local id = it.job
   if not Job.is_owned(id, it.token) then return 'fenced' end
@@ -59,6 +59,7 @@ function for_farm.append_point(it)
   if last and tonumber(string.match(last[1], '^%d+')) >= it.spp then return 'known' end
   if it.round then redis.call('ZADD', job_key(id, 'rounds'), it.round.first, it.round.json) end
   Job.append_point(id, it.spp, now(), it.point)
+  if it.is_last then Outbox.announce(id, 'rendered', '{}') end
   return 'appended'
 end
 
