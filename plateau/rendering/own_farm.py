@@ -39,6 +39,8 @@ _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
 _MOST_WORKERS: Final = 8
 _LOOK_EVERY_S: Final = 2.0
+#: With less room on the disk of its data, in bytes, a farm may soon wait for more.
+_ROOM: Final = 64_000_000
 #: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
 
@@ -100,6 +102,7 @@ class OwnFarm:
     _fleet: "Fleet | None"
     _tell: Callable[[str], None]
     _look_at_s: float = 0.0  #: whether a job waits for other nodes than came
+    _is_full: bool = False  #: its disk, nearly
 
     def check(self) -> None:
         """Restart what died, and pass on news; call it a few times a second.
@@ -108,6 +111,13 @@ class OwnFarm:
         work.
         """
         self._tree.check()
+        was_full, room = self._is_full, shutil.disk_usage(tempfile.gettempdir()).free
+        self._is_full = room < _ROOM
+        if self._is_full and not was_full:
+            self._tell(
+                f"{tempfile.gettempdir()} has only {room // 1_000_000} MB left: what does not fit "
+                "waits for room; free some, or begin anew with TMPDIR on another disk"
+            )
         if self._fleet is not None:
             self._fleet.check(self._tell)
             if self._fleet.heard and time.monotonic() >= self._look_at_s:

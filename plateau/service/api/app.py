@@ -42,7 +42,6 @@ from plateau.service.api.routes import jobs as routes_jobs
 from plateau.service.api.routes import notices as routes_notices
 from plateau.service.api.routes import pages as routes_pages
 from plateau.service.api.routes import results as routes_results
-from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import submit as routes_submit
 from plateau.service.api.routes import usage as routes_usage
@@ -128,7 +127,6 @@ def create_app(
         routes_results,
         routes_images,
         routes_downloads,
-        routes_scenes,
         routes_usage,
         routes_notices,
         routes_farm,

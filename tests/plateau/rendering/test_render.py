@@ -19,8 +19,9 @@ from tests.support.processes.commands import Command
 CHECKS = {"analytic": 1, "width": 40, "height": 30, "light": "checks", "level": 0.2}
 #: What a program does with a scene; it leaves the result in a file.
 PROGRAM = """
-import pickle, plateau
+import pickle, plateau, plateau.rendering.own_farm as own_farm
 from pathlib import Path
+own_farm._ROOM = {room}
 try:
     result = plateau.render({scene}, threads=1, **{options})
 except plateau.RenderFailed as failed:
@@ -40,8 +41,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
     (tmp_path / "checks.json").write_text(json.dumps(CHECKS))
     started: list[Command] = []
 
-    def start(scene: str = "'checks.json'", **options: object) -> Command:
-        program = PROGRAM.format(scene=scene, options=options)
+    def start(scene: str = "'checks.json'", *, room: int = 0, **options: object) -> Command:
+        program = PROGRAM.format(scene=scene, room=room, options=options)
         started.append(Command(program=("-c", program), folder=tmp_path))
         return started[-1]
 
@@ -61,8 +62,10 @@ def result_of(command: Command) -> Result:
 
 
 def test_a_path_becomes_an_image_and_a_curve(run: Run, tmp_path: Path) -> None:
-    command = run(rule={"name": "fixed", "spp": 100}, step=50, workers=2, out="out", aovs=["depth"])
+    fixed = {"rule": {"name": "fixed", "spp": 100}, "step": 50, "workers": 2}
+    command = run(**fixed, out="out", aovs=["depth"], room=1 << 60)
     result = result_of(command)
+    assert command.said.count("MB left: what does not fit waits for room") == 1
     assert (result.state.value, result.spp) == ("converged", 100)
     assert result.reason == "the fixed 100 spp are reached: 100 spp"
     assert repr(result) == f"<plateau.Result: converged at 100 spp: {result.reason}>"

@@ -1,4 +1,4 @@
-"""The route that makes jobs of a scene."""
+"""The routes that take a scene: to check and store it, and to make jobs of it."""
 
 from typing import Annotated, Any, Final
 
@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Response
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire import examples
 from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_view
-from plateau.farm.wire.views import JobView
+from plateau.farm.wire.views import JobView, SceneFound
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.parts import Farm
 from plateau.service.api.problems import catalogue as problems
@@ -18,10 +18,10 @@ from plateau.service.api.submission.creation import create_job
 from plateau.service.api.submission.reading import Submission, submission
 from plateau.service.api.submission.storing import StoredScene, stored_scene
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = APIRouter()
 
 #: The body of a request that brings or names a scene.
-SUBMISSION_BODY: Final[dict[str, Any]] = {
+_BODY: Final[dict[str, Any]] = {
     "requestBody": {
         "required": True,
         "content": {
@@ -77,10 +77,10 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
         },
     }
 }
-_SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempotency.PARAMETERS}
+_SUBMISSION: Final[dict[str, Any]] = {**_BODY, "parameters": idempotency.PARAMETERS}
 
 #: How a scene can be refused that comes with a request.
-SCENE_PROBLEMS: Final = (
+_SCENE_PROBLEMS: Final = (
     problems.MALFORMED_REQUEST,
     problems.UPLOAD_TOO_LARGE,
     problems.NOT_MULTIPART,
@@ -95,7 +95,24 @@ SCENE_PROBLEMS: Final = (
 
 
 @router.post(
-    "",
+    "/v1/scenes",
+    tags=["scenes"],
+    openapi_extra=_BODY,
+    responses=documented(*_SCENE_PROBLEMS),
+)
+def check_scene(found: Annotated[StoredScene, Depends(stored_scene)]) -> SceneFound:
+    """Check a scene as `POST /v1/jobs` would, and store it, without a job.
+
+    Takes the same parts. Of `spec`, only `parameters`, `sensor` and the fields that determine the
+    seeds count. A scene that no job uses stays for at least an hour; submit it by its `sha256`.
+    """
+    about = {"sha256": found.sha256, "name": found.name, "bytes": found.bytes}
+    return SceneFound(**about, **vars(found.summary))
+
+
+@router.post(
+    "/v1/jobs",
+    tags=["jobs"],
     status_code=201,
     response_model=None,  # would be described as anyOf, and not as oneOf
     openapi_extra=_SUBMISSION,
@@ -120,7 +137,7 @@ SCENE_PROBLEMS: Final = (
                 **idempotency.REPLAYED,
             },
         },
-        **documented(*SCENE_PROBLEMS, problems.KEY_REUSED, problems.TOO_MANY_JOBS),
+        **documented(*_SCENE_PROBLEMS, problems.KEY_REUSED, problems.TOO_MANY_JOBS),
     },
 )
 def submit_job(

@@ -4,7 +4,7 @@ import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { comparisonOf, WITH } from "../../shared/job_summary.js";
-import { slider } from "./slider.js";
+import { slider } from "./controls.js";
 
 /** @typedef {{ name?: string, png: string }} Source  an image, or a map */
 

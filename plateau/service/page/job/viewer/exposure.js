@@ -1,7 +1,7 @@
 // The exposure at which images are looked at, in EV from the one at which they are judged.
 
 import { h, setText, svg } from "../../shared/dom.js";
-import { slider } from "./slider.js";
+import { slider } from "./controls.js";
 
 const ID = "exposure";
 /** The light of every sRGB code (IEC 61966-2-1). */

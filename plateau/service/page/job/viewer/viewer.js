@@ -8,9 +8,8 @@ import { messageOf } from "../../shared/notices.js";
 import { Picture } from "../../shared/picture.js";
 import { PLACES } from "../../shared/spec_fields.js";
 import { Comparison, newestOf } from "./comparison.js";
+import { ScaleBar, slider } from "./controls.js";
 import { Exposure } from "./exposure.js";
-import { ScaleBar } from "./scales.js";
-import { slider } from "./slider.js";
 import { Stage } from "./zoom_pan.js";
 
 /** @import { Source } from "./comparison.js" */
