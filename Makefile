@@ -32,14 +32,8 @@ test-rare: setup  ## What is rare and dear: whole benches, wheel environments, l
 test-long: test-rare  ## The same, and then the long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical -m ""
 
-test-stress: SHELL := bash
 test-stress: setup  ## The suite again and again, in random order, every second time beside LOAD busy processes; RUNS=20 LOAD=4
-	@trap 'kill $$(jobs -p) 2> /dev/null' EXIT; trap 'exit 130' INT; red=; \
-	for run in $$(seq $(or $(RUNS),20)); do \
-	  [ $$((run % 2)) = 1 ] || for busy in $$(seq $(or $(LOAD),4)); do yes > /dev/null & done; \
-	  CI=true $(BIN)/python -m pytest -q $(SUITE) --file-order $$run || red="$$red $$run"; \
-	  kill $$(jobs -p) 2> /dev/null; \
-	done; echo "red runs: $${red:-none}"; [ -z "$$red" ]
+	@bash tests/stress.sh $(or $(RUNS),20) $(or $(LOAD),4) $(BIN)/python -m pytest -q $(SUITE)
 
 test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
