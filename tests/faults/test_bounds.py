@@ -5,14 +5,12 @@ partials, put and committed by threads that play four workers. ``LONG_TESTS=1`` 
 slices instead of 1,500, which takes some minutes.
 """
 
-import os
 import re
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime, timezone
 from pathlib import Path
 from statistics import median
 
@@ -30,6 +28,7 @@ from plateau.farm.redis.link import connect
 from plateau.farm.sweep import sweep
 from plateau.picture.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
+from tests.support.farms.ledger_farm import about
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.faults.invariants import RESULTS, check_job, is_of_no_job
@@ -179,23 +178,10 @@ class Soak:
 def _work(client: redis.Redis, url: str, folder: Path, worker: str, over: threading.Event) -> None:
     farm = NoiseFarm(client, url, folder)
     farm.queue = SliceQueue(client, worker, LEASE_S)
-    about = {
-        "id": worker,
-        "host": "here",
-        "pid": os.getpid(),
-        "variants": ["scalar_rgb"],
-        "threads": 1,
-        "job": None,
-        "slice": None,
-        "slices_done": 0,
-        "samples_per_s": None,
-        "last_error": None,
-        "started_at": datetime.now(timezone.utc).isoformat(),
-    }
     heard = float("-inf")
     while not over.is_set():
         if time.monotonic() > heard + LEASE_S / 3:
-            farm.queue.heartbeat(about, ())
+            farm.queue.heartbeat(about(worker), ())
             heard = time.monotonic()
         lease = farm.lease()
         if lease is None:

@@ -122,6 +122,7 @@ def test_a_submitter_steers_its_own_jobs(
     page = visitor.page
     give(page, key)
     expect(page.locator(".job", has_text="mine")).to_contain_text("by anna")
-    page.get_by_role("checkbox").check()  # there is none of the other's
+    expect(page.get_by_role("checkbox")).to_have_count(1)  # once it is known who looks
+    page.get_by_role("checkbox").check()
     expect(page.get_by_text("1 job selected")).to_be_visible()
     expect(page.get_by_role("button", name="Cancel…")).to_be_visible()

@@ -52,6 +52,8 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
     parent, c_library = os.getpid(), ctypes.CDLL(None)  # loaded before there is a child
 
     def arrange() -> None:
+        if signal_number != signal.SIGKILL:  # a handler of the parent's would only note it
+            signal.signal(signal_number, signal.SIG_DFL)
         c_library.prctl(_PR_SET_PDEATHSIG, signal_number)
         if os.getppid() != parent:  # it died before we asked
             os.kill(os.getpid(), signal_number)

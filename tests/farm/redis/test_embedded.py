@@ -1,7 +1,5 @@
 """The embedded Redis: private, durable, gone with its parent."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import psutil
@@ -11,6 +9,7 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import embedded
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from tests.support.processes.orphans import orphan_of
 from tests.support.until import until
 
 
@@ -82,12 +81,4 @@ def test_it_dies_with_a_parent_that_is_killed(tmp_path: Path) -> None:
         "from plateau.farm.redis.embedded import EmbeddedRedis\n"
         "print(EmbeddedRedis(Path(sys.argv[1])).process.pid, flush=True); time.sleep(60)"
     )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
-    assert parent.stdout is not None
-    server = psutil.Process(int(parent.stdout.readline()))
-    assert server.is_running()
-    parent.kill()
-    parent.communicate()
-    server.wait(60)
+    orphan_of(program, tmp_path).wait(60)

@@ -139,6 +139,11 @@ def machine_code_of_pass(spp: int) -> list[str]:
         return [one["hash"] for one in dr.kernel_history() if one["type"] == dr.KernelType.JIT]
 
 
+def recordings() -> int:
+    """How often the loaded scene was traced."""
+    return _renderer._kernel._recorded.n_recordings  # type: ignore[no-any-return, union-attr]
+
+
 def next_chunk_after(samples: int, sample_s: float) -> int:
     """The most samples of a chunk, after one whose samples took so many seconds each."""
     kernel = _renderer._kernel

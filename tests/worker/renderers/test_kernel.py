@@ -16,6 +16,7 @@ from tests.support.processes.mitsuba_process import (
     chunks_of_pass,
     machine_code_of_pass,
     next_chunk_after,
+    recordings,
     zones_of_pass,
 )
 from tests.support.variants import library_for
@@ -205,6 +206,7 @@ class TestBits:
         mitsuba.load(_scene(tmp_path), filter=filter_)
         whole = mitsuba.render_pass(25, 7)
         assert np.array_equal(mitsuba.call(zones_of_pass, 25, 7, [], chunk), whole)
+        assert mitsuba.call(recordings) == 1  # to trace takes up to 0.2 s
 
     def test_the_chunks_of_a_pass_are_of_one_size(self, mitsuba, tmp_path):
         mitsuba.load(_scene(tmp_path))  # 24 rows of 32 pixels

@@ -2,11 +2,8 @@
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import ClassVar
 
@@ -25,7 +22,9 @@ from plateau.worker.supervisor.child_process import (
 )
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.faults.loop_disk import LoopDisk
+from tests.support.processes.orphans import orphan_of
 from tests.support.scenes.bundles import PLY, mesh, scene
+from tests.support.threads import beside
 from tests.support.until import until
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
@@ -47,24 +46,6 @@ def lasting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RenderChild]:
     child = RenderChild("scalar_rgb", None, LIMITS, tmp_path_factory.mktemp("home"), [BOX])
     yield child
     child.kill()
-
-
-@contextmanager
-def cancelling(child: RenderChild) -> Iterator[None]:
-    """Cancels what the child is asked meanwhile; a cancel before it is asked would be lost."""
-    over = threading.Event()
-
-    def cancel() -> None:
-        while not over.wait(0.3):
-            child.cancel()
-
-    thread = threading.Thread(target=cancel)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def test_it_sums_the_passes_of_a_slice(lasting: RenderChild) -> None:
@@ -194,7 +175,7 @@ def test_what_mitsuba_says_of_a_file_is_told_with_its_name(
 def test_a_cancel_ends_the_render_after_its_pass(lasting: RenderChild) -> None:
     child = lasting
     child.load(BOX, "scene.xml", SMALL, 0)
-    with cancelling(child), pytest.raises(Cancelled):
+    with beside(child.cancel, 0.3), pytest.raises(Cancelled):
         child.render((Pass(64, 0),) * 10_000)
     # Then the child is alive, since no force was needed, and the next request is not cancelled too
     assert child.alive
@@ -206,7 +187,7 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
 ) -> None:
     monkeypatch.setattr(child_process, "CANCEL_GRACE_S", 0.5)
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
-    with cancelling(child), pytest.raises(Cancelled):
+    with beside(child.cancel, 0.3), pytest.raises(Cancelled):
         child.render(LONG)
     assert not child.alive
 
@@ -280,14 +261,7 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
         "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1]), []).pid, flush=True)\n"
         "time.sleep(60)"
     )
-    supervisor = subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
-    assert supervisor.stdout is not None
-    child = psutil.Process(int(supervisor.stdout.readline()))
-    supervisor.kill()
-    supervisor.communicate()
-    child.wait(60)
+    orphan_of(program, tmp_path).wait(60)
 
 
 @pytest.mark.parametrize(

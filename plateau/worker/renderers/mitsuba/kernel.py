@@ -48,9 +48,6 @@ _CHUNK_S: Final = 0.8
 #: Any number of rounds keeps lanes apart; 4, as Mitsuba's samplers have, mixes few bits.
 _TEA_ROUNDS: Final = 8
 
-#: Recordings that are kept: one for each spp of a pass and size of a chunk.
-_RECORDINGS: Final = 32
-
 #: Channels that one loop over a pixel's samples filters: it keeps a sum of each for every tap.
 _FILTERED_AT_ONCE: Final = 4
 
@@ -92,12 +89,9 @@ class Kernel:
         self._filter = one.film.rfilter()
         #: Pixels to each side to which a sample contributes beyond its own.
         self.border = 0 if self._filter.is_box_filter() else math.ceil(self._filter.radius() - 0.5)
-        # Traced once and replayed from then on: to trace takes 5 to 50 ms.
+        # Traced once and replayed from then on: to trace takes 5 to 200 ms.
         self._recorded: Callable[..., Any] = dr.freeze(
-            self._sums,
-            state_fn=lambda *_, **__: (one.scene, one.sensor, one.integrator),
-            limit=_RECORDINGS,
-            warn_after=_RECORDINGS,
+            self._sums, state_fn=lambda *_, **__: (one.scene, one.sensor, one.integrator)
         )
         self._samples = _FIRST_CHUNK
 
@@ -148,49 +142,52 @@ class Kernel:
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
         """Begin to render these pixels of the film; return the sums to be."""
-        # Opaque values stay out of the machine code: one kernel serves every seed and spp.
-        numbers = dr.opaque(mi.UInt32, seed), dr.opaque(mi.UInt32, spp)
-        arguments = mi.UInt32(pixels), *numbers, dr.opaque(mi.Float, 1 / math.sqrt(spp))
+        # Opaque values stay out of the machine code: one kernel serves every seed and spp. A
+        # recording keeps the size of what it makes itself, and takes that of its arguments.
+        opaque_spp = dr.opaque(mi.UInt32, spp)
+        lane = dr.arange(mi.UInt32, pixels.size * spp)
+        place = lane // opaque_spp
+        pixel = dr.gather(mi.UInt32, mi.UInt32(pixels), place)
+        key = pixel * opaque_spp + (lane - place * opaque_spp)
+        first = dr.arange(mi.UInt32, pixels.size) * opaque_spp
+        arguments = pixel, key, first, mi.UInt32(seed), opaque_spp, mi.Float(1 / math.sqrt(spp))
+        dr.make_opaque(arguments)
         with scene_errors():
             try:
-                sums = self._recorded(*arguments, spp, pixels.size)
+                sums = self._recorded(*arguments)
             except RuntimeError:
                 # Dr.Jit cannot record what some plugins do (the thin lens is one).
                 self._recorded = self._sums
-                sums = self._sums(*arguments, spp, pixels.size)
+                sums = self._sums(*arguments)
             dr.eval(sums)  # waits for nothing
         return sums
 
     def _sums(
-        self, pixels: Any, seed: Any, spp: Any, spacing: Any, block: int, count: int
+        self, pixel: Any, key: Any, first: Any, seed: Any, spp: Any, spacing: Any
     ) -> tuple[list[list[Any]], list[Any]]:
         """Return each pixel's sums, for each tap of the filter; and its ids.
 
         Parameters
         ----------
-        pixels, seed, spp
+        pixel, key
+            Of each lane: its pixel, and what its random numbers depend on beside the seed.
+        first
+            Of each pixel: the lane of its first sample.
+        seed, spp
             Of the pass.
         spacing
             Of a pixel's samples, in pixels: 1/√spp.
-        block, count
-            The spp and the number of pixels, for sizes: a recording is of one size.
         """
         one = self._one
-        lane = dr.arange(mi.UInt32, count * block)
-        place = lane // spp
-        pixel = dr.gather(mi.UInt32, pixels, place)
-        sampler = _lane_sampler()(seed, pixel * spp + (lane - place * spp))
+        sampler = _lane_sampler()(seed, key)
         y = pixel // one.width
         within = sampler.next_2d()
         values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spacing)
         # Now, and once: each sum of its own would trace the path again.
         dr.eval(values, within)
         summed = [values[index] for index in one.channels.summed]
-        first = dr.arange(mi.UInt32, count) * spp
         ids = [dr.gather(mi.Float, values[index], first) for index in one.channels.of_ids]
-        if self.border:
-            return self._filtered(summed, within, first, spp), ids
-        return [[dr.block_sum(value, block) for value in summed]], ids
+        return self._filtered(summed, within, first, spp), ids
 
     def _sampled(self, sampler: Any, place: Any, spacing: Any) -> list[Any]:
         """Return the channels of one sample at each of these places, as they stand in the film."""
@@ -217,9 +214,7 @@ class Kernel:
 
     def _filtered(self, values: list[Any], within: Any, first: Any, spp: Any) -> list[list[Any]]:
         """Return what the samples of each pixel give to the pixels around it, tap by tap."""
-        border = self.border
-        taps = range(-border, border + 1)
-        sums: list[list[Any]] = [[] for _ in range(len(taps) ** 2)]
+        sums: list[list[Any]] = [[] for _ in range((2 * self.border + 1) ** 2)]
 
         def under_way(number: Any, _sums: object) -> Any:
             return number < spp
@@ -229,10 +224,8 @@ class Kernel:
 
             def add(number: Any, before: list[list[Any]], group: list[Any] = group) -> Any:
                 lane = first + number
-                x, y = (dr.gather(mi.Float, axis, lane) - 0.5 for axis in within)
-                across, down = ([self._filter.eval(tap - at) for tap in taps] for at in (x, y))
                 here = [dr.gather(mi.Float, value, lane) for value in group]
-                weights = (wide * high for high in down for wide in across)
+                weights = self._weights(within, lane)
                 after = [
                     [total + weight * value for total, value in zip(totals, here, strict=True)]
                     for totals, weight in zip(before, weights, strict=True)
@@ -246,6 +239,15 @@ class Kernel:
             for tap, totals in zip(sums, of_group, strict=True):
                 tap += totals
         return sums
+
+    def _weights(self, within: Any, lane: Any) -> list[Any]:
+        """Return the filter's weights of one sample of each pixel, tap by tap."""
+        if not self.border:
+            return [1]
+        taps = range(-self.border, self.border + 1)
+        x, y = (dr.gather(mi.Float, axis, lane) - 0.5 for axis in within)
+        across, down = ([self._filter.eval(tap - at) for tap in taps] for at in (x, y))
+        return [wide * high for high in down for wide in across]
 
 
 def _waited_for(begun: Any) -> tuple[list[list[Array]], list[Array]]:

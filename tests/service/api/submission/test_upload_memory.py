@@ -5,10 +5,8 @@ A real API process takes a real zip over HTTP. ``LONG_TESTS=1`` sends 2 GB inste
 
 import logging
 import tempfile
-import threading
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -19,6 +17,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.service.api.process import spool_in
 from tests.support import long_tests
 from tests.support.farms.real_farm import RealFarm
+from tests.support.threads import beside
 
 MEGABYTES = 2000 if long_tests.WANTED else 150
 #: What the API may take more than before. The store's own client holds some parts of what is put.
@@ -39,29 +38,6 @@ def write_bundle(path: Path, megabytes: int) -> None:
         archive.writestr("scene.xml", SCENE)
         for number in range(megabytes):
             archive.writestr(f"mesh-{number}.ply", content)
-
-
-@contextmanager
-def beside(work: Callable[[], None], pause_s: float) -> Iterator[None]:
-    """Do this again and again in a thread, while the context lasts."""
-    over, failed = threading.Event(), list[BaseException]()
-
-    def again_and_again() -> None:
-        try:
-            while not over.wait(pause_s):
-                work()
-        except BaseException as error:
-            failed.append(error)
-            raise
-
-    thread = threading.Thread(target=again_and_again)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-    assert not failed
 
 
 def open_without_a_name(pid: int) -> set[Path]:
