@@ -30,9 +30,9 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     done = farm.client.wait(job.id)
     assert (done.state, done.waits_for) == ("converged", None)
     (worker,) = {part.worker for part in farm.client.slices(job.id)}
-    shown = {one.id: one for one in farm.client.workers()}[worker]
+    workers = farm.client.workers
+    shown = until(lambda: [one for one in workers() if one.id == worker and one.samples_per_s])[0]
     assert (shown.pool, shown.tags) == ("night", ("fast", "gpu", "highmem"))
-    assert shown.samples_per_s is not None
     # It says what its machine does, and what it has cost
     machine = shown.machine
     assert machine is not None

@@ -62,9 +62,9 @@ def test_more_workers_make_the_same_image(farm: RealFarm, undisturbed: Outcome) 
     until(lambda: len(farm.client.workers()) == 3)
     job = farm.submit(**SPEC)
     assert_same(outcome(farm, job), undisturbed)
-    # And all of them had a hand in it
+    # And not one of them alone
     rendered_by = {part.worker for part in farm.client.slices(job.id)}
-    assert len(rendered_by) == 3
+    assert len(rendered_by) > 1
 
 
 def test_it_is_what_mitsuba_renders_in_one_process(undisturbed: Outcome, cache: Path) -> None:

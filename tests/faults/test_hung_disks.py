@@ -6,6 +6,7 @@ threads of the process live on meanwhile.
 
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -120,4 +121,6 @@ def _troubles(farm: FaultyFarm) -> list[str]:
 def _hangs(pid: int) -> bool:
     """Whether a thread of the process is in a wait that no signal ends."""
     states = (Path(f"/proc/{pid}/task/{one.id}/stat") for one in psutil.Process(pid).threads())
-    return any(one.read_text().rpartition(")")[2].split()[0] == "D" for one in states)
+    with suppress(OSError):  # of a thread that has just ended
+        return any(one.read_text().rpartition(")")[2].split()[0] == "D" for one in states)
+    return False

@@ -71,9 +71,11 @@ class TestJobs:
         def no_fsync(client: redis.Redis) -> None:
             client.config_set("appendfsync", "no")
 
-        acknowledged, lost, _ = _submit_until_the_power_goes(tmp_path, random.Random(0), no_fsync)
-        assert acknowledged
-        assert lost != []
+        tries = (
+            _submit_until_the_power_goes(tmp_path / str(n), random.Random(n), no_fsync)
+            for n in range(3)
+        )
+        assert any(lost for _, lost, _ in tries)
 
 
 class TestBlobs:
@@ -84,9 +86,12 @@ class TestBlobs:
         assert lost == []
 
     def test_would_be_lost_without_fsync(self, tmp_path: Path) -> None:
-        acknowledged, lost = _put_until_the_power_goes(tmp_path, random.Random(0), BY_OBSTORE)
-        assert acknowledged
-        assert lost != []
+        # The kernel may have written all of it just before
+        tries = (
+            _put_until_the_power_goes(tmp_path / str(n), random.Random(n), BY_OBSTORE)
+            for n in range(3)
+        )
+        assert any(lost for _, lost in tries)
 
 
 def test_no_acknowledged_job_goes_with_a_redis_that_is_killed(tmp_path: Path) -> None:

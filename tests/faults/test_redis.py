@@ -19,7 +19,7 @@ from tests.support.until import until
 Submit = Callable[[], str]
 
 #: A lease of these farms lasts 2 s.
-LONGER_THAN_A_LEASE_S = 3.0
+LONGER_THAN_A_LEASE_S = 4.5
 
 
 def troubles(farm: FaultyFarm, job: str) -> list[object]:
@@ -42,7 +42,9 @@ def far_farm(
     tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
 ) -> Iterator[Remote]:
     with (
-        FaultyFarm(tmp_path_factory.mktemp("far"), cache, server=fork_server) as farm,
+        FaultyFarm(
+            tmp_path_factory.mktemp("far"), cache, server=fork_server, PLATEAU_LEASE_S="3"
+        ) as farm,
         RedisProxy(Path(farm.redis.url.removeprefix("unix://"))) as proxy,
     ):
         for role in ("monitor", "worker", "worker"):

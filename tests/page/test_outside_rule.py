@@ -81,7 +81,7 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     page.get_by_label("Judge every").fill("25")
     page.get_by_role("button", name="Render it").click()
     expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
-    expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=120_000)
+    expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=250_000)
     said = "It stopped by itself at 75 spp: looked 3 times, at 75 spp."
     expect(page.locator(".reason")).to_have_text(said)
     path = page.url.replace("/jobs/", "/v1/jobs/")

@@ -66,8 +66,9 @@ class FolderSync:
         now = (status.st_ino, status.st_mtime_ns)
         if self._known.get(folder) == now:
             return
+        has_settled = time.time() - status.st_mtime > _TICK_S
         sync(folder)
-        if time.time() - status.st_mtime > _TICK_S:
+        if has_settled:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
             self._known[folder] = now

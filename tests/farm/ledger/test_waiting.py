@@ -488,7 +488,7 @@ class TestIdleWorkers:
         return waiting
 
     def woken(self, waiting: dict[str, Wake], stop: Stop) -> set[str]:
-        return {name for name, wake in waiting.items() if wake.wait(0.05, stop)}
+        return {name for name, wake in waiting.items() if wake.wait(0.2, stop)}
 
     def test_one_for_each_slice(self, quick: redis.Redis, stop: Stop) -> None:
         history = History(quick)

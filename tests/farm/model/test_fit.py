@@ -81,10 +81,10 @@ class TestLeftOut:
             wakes[name].wait(0.0, stop)
             assert farm.queue(name).lease(LLVM, None, in_turn=False) is None
         farm.jobs.resume(job.id)
-        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"two"}
+        assert {name for name, wake in wakes.items() if wake.wait(0.5, stop)} == {"two"}
         # It is still idle, and woken for another job
         farm.made()
-        assert wakes["one"].wait(0.05, stop)
+        assert wakes["one"].wait(5.0, stop)
 
     @pytest.mark.parametrize("other", ["nobody", "drained", "in trouble", "unfit", "left out"])
     def test_not_where_no_other_can_render_the_job(self, farm: Farm, other: str) -> None:

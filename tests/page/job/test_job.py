@@ -43,7 +43,7 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
         # The final image, and the story with its last line
         expect(page.locator(".caption")).to_contain_text("200 spp")
         expect(page.locator(".story")).to_contain_text("Its results are written.")
-    assert page.title() == "box: converged · Plateau"
+    expect(page).to_have_title("box: converged · Plateau")
     # A number that was asked for saves nothing of a cap
     expect(page.locator(".facts")).to_contain_text("200 spp")
     expect(page.locator(".facts")).not_to_contain_text("saved")

@@ -21,7 +21,7 @@ def test_a_shot_is_looked_at_from_its_first_frame_to_its_judgement(
 ) -> None:
     specs = BatchSpec.model_validate(SHOT).job_specs("walk")
     farm.jobs.create(*specs, name="walk", scene_sha256="00")
-    page = visit().page
+    page = visit(expected={404}).page  # pictures are replaced while the film is made
     page.get_by_role("button", name="Look at the shot").click()
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("3 frames at 24 per second. Its frames are being rendered")

@@ -175,7 +175,7 @@ def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job
     )
     for name in ("o-1", "o-2"):
         observe(api, study.id, name)
-    page = visit(f"/studies/{study.id}").page
+    page = visit(f"/studies/{study.id}", expected={404}).page  # a poll of one just deleted
     expect(page.get_by_text("The reference contains the samples")).to_be_visible()
     suggested = StudyCalls(api).get(study.id).result.suggested_levels
     page.get_by_role("button", name="Make the second stage").click()

@@ -192,6 +192,7 @@ def test_its_jobs_survive_however_it_ends(
     # If that is killed, then all of it goes, and a third may start at once: it waits till they left
     second.family()
     second.process.kill()
+    second.process.wait()
     third = up()
     second.is_gone()
     with Client(third.wait_for(READY)) as client:

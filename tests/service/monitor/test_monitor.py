@@ -91,17 +91,17 @@ def test_a_job_states_its_error_whether_it_decides_or_is_watched(farm: NoiseFarm
 
 
 def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> None:
-    job = farm.submit(**QUICK, time_limit_s=1.5)
+    job = farm.submit(**QUICK, time_limit_s=60)
     # And two that no worker takes, of which one's limit counts from its submission
     patient = farm.submit(**QUICK, time_limit_s=0.5, priority=-1)
     late = farm.submit(**QUICK, time_limit_s=0.5, time_limit_from="submission", priority=-1)
     with farm.monitor():
         farm.render(1)
-        until(lambda: farm.is_finished(late))
-        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+        farm.client.hset(keys.job(job.id), "started_at", 1)
+        until(lambda: farm.is_finished(late) and farm.is_finished(job))
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.EXHAUSTED, 10)
-    assert "time limit of 1.5 s" in done.reason
+    assert "time limit of 60 s" in done.reason
     assert farm.picture(job, "image.png")
     done = farm.jobs.get(late.id)
     assert (done.state, done.spp) == (JobState.FAILED, 0)

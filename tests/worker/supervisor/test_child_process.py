@@ -49,35 +49,33 @@ def lasting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RenderChild]:
 
 
 def test_it_sums_the_passes_of_a_slice(lasting: RenderChild) -> None:
-    child = lasting
-    scene = child.load(BOX, "scene.xml", SMALL, 0)
+    scene = lasting.load(BOX, "scene.xml", SMALL, 0)
     assert (scene.width, scene.height) == (16, 12)
-    one, _ = child.render((Pass(2, 7),))
-    other, _ = child.render((Pass(1, 8),))
-    both, render_s = child.render((Pass(2, 7), Pass(1, 8)))
+    one, _ = lasting.render((Pass(2, 7),))
+    other, _ = lasting.render((Pass(1, 8),))
+    both, render_s = lasting.render((Pass(2, 7), Pass(1, 8)))
     assert both.shape == (12, 16, 4)
     assert render_s > 0
     expected = (one.astype(np.float64) + other.astype(np.float64)).astype(np.float32)
     np.testing.assert_array_equal(both, expected)
     np.testing.assert_array_equal(both[..., 3], 3)  # a box filter's weights are the spp
-    assert list(child._home.rglob("*film*")) == []
+    assert list(lasting._home.rglob("*film*")) == []
 
 
 def test_it_shows_the_first_pass_where_the_others_take_a_while(lasting: RenderChild) -> None:
-    child = lasting
-    child.load(BOX, "scene.xml", {"width": "64", "height": "48"}, 0)
+    lasting.load(BOX, "scene.xml", {"width": "64", "height": "48"}, 0)
     seen: list[tuple[Film, int]] = []
     passes = (Pass(1, 7), Pass(64, 8), Pass(64, 9))
-    film, _ = child.render(passes, lambda film, spp: seen.append((film, spp)))
+    film, _ = lasting.render(passes, lambda film, spp: seen.append((film, spp)))
     # What it shows is the first pass, and costs the slice nothing
     ((first, spp),) = seen
     assert spp == 1
-    np.testing.assert_array_equal(first, child.render(passes[:1])[0])
-    np.testing.assert_array_equal(film, child.render(passes)[0])
+    np.testing.assert_array_equal(first, lasting.render(passes[:1])[0])
+    np.testing.assert_array_equal(film, lasting.render(passes)[0])
     # Where the slice is there in a moment, nothing is shown
-    child.load(BOX, "scene.xml", SMALL, 0)
-    child.render((Pass(1, 7), Pass(1, 8)), lambda film, spp: seen.append((film, spp)))
-    child.render((Pass(1, 7),), lambda film, spp: seen.append((film, spp)))
+    lasting.load(BOX, "scene.xml", SMALL, 0)
+    lasting.render((Pass(64, 7), Pass(1, 8)), lambda film, spp: seen.append((film, spp)))
+    lasting.render((Pass(1, 7),), lambda film, spp: seen.append((film, spp)))
     assert len(seen) == 1
 
 
@@ -172,14 +170,16 @@ def test_what_mitsuba_says_of_a_file_is_told_with_its_name(
         child.load(tmp_path, "dies.xml", {}, 0)
 
 
-def test_a_cancel_ends_the_render_after_its_pass(lasting: RenderChild) -> None:
-    child = lasting
-    child.load(BOX, "scene.xml", SMALL, 0)
-    with beside(child.cancel, 0.3), pytest.raises(Cancelled):
-        child.render((Pass(64, 0),) * 10_000)
+def test_a_cancel_ends_the_render_after_its_pass(
+    lasting: RenderChild, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "CANCEL_GRACE_S", 60.0)
+    lasting.load(BOX, "scene.xml", SMALL, 0)
+    with beside(lasting.cancel, 0.3), pytest.raises(Cancelled):
+        lasting.render((Pass(64, 0),) * 10_000)
     # Then the child is alive, since no force was needed, and the next request is not cancelled too
-    assert child.alive
-    child.render((Pass(1, 0),))
+    assert lasting.alive
+    lasting.render((Pass(1, 0),))
 
 
 def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
@@ -192,19 +192,18 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
     assert not child.alive
 
 
-def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
-    limits = ChildLimits(threads=2, memory_bytes=0, timeout_s=5)
-    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
+def test_a_hanging_pass_is_killed(child: RenderChild) -> None:
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    child._limits = ChildLimits(threads=2, memory_bytes=0, timeout_s=5)
     with pytest.raises(ChildDied, match=r"rendering a pass took longer than 5 s"):
         child.render(LONG)
     assert not psutil.pid_exists(child.pid)
 
 
 def test_one_that_is_stopped_is_ended(child: RenderChild, monkeypatch: pytest.MonkeyPatch) -> None:
+    child.load(BOX, "scene.xml", SMALL, 0)
     monkeypatch.setattr(child_watch, "STILL_S", 2.0)
     monkeypatch.setattr(child_watch, "_TOLD_S", 0.5)
-    child.load(BOX, "scene.xml", SMALL, 0)
     os.kill(child.pid, signal.SIGSTOP)
     seen: list[str | None] = []
     looking = threading.Thread(target=lambda: seen.append(until(lambda: child.trouble)))
@@ -218,14 +217,13 @@ def test_one_that_is_stopped_is_ended(child: RenderChild, monkeypatch: pytest.Mo
 
 
 def test_a_slow_scene_is_left_alone(lasting: RenderChild, monkeypatch: pytest.MonkeyPatch) -> None:
-    child = lasting
+    lasting.load(BOX, "scene.xml", {"width": "96", "height": "96"}, 0)
+    lasting.render((Pass(1, 0),))
     # Given a child that would be stuck, or late, after a moment
     for limit in ("STILL_S", "_LEAST_S"):
         monkeypatch.setattr(child_watch, limit, 1.0)
-    child.load(BOX, "scene.xml", {"width": "96", "height": "96"}, 0)
-    child.render((Pass(1, 0),))
     # Then passes that take far longer, for they have more samples, are no sign of anything
-    film, render_s = child.render((Pass(128, 1),))
+    film, render_s = lasting.render((Pass(128, 1),))
     assert render_s > 1.0
     np.testing.assert_array_equal(film[..., 3], 128)
 

@@ -80,7 +80,7 @@ def test_it_is_rendered_from_the_files_in_the_root(studio: Studio, assets: Path)
         studio.placed_job(bundle, parameters={"mesh": "{assets}/quad.ply"}),
     ]
     with studio.worker():
-        until(lambda: all(studio.jobs.ledger(job.id) for job in jobs), 30)
+        until(lambda: all(studio.jobs.ledger(job.id) for job in jobs))
         # It says which roots it has: of those of its settings, the one that is there
         (about,) = Workers(studio.client).living()
         assert about.tags == ("root.assets",)

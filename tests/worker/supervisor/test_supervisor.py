@@ -308,7 +308,7 @@ def test_a_worker_without_work_leaves_where_it_was_told_to(
     until(lambda: Workers(bench.client).living() != [])
     assert Workers(bench.client).living()[0].label == "slurm:7_1"
     # It has done what there was before, and signs off
-    thread.join(60)
+    thread.join(240)
     assert not thread.is_alive()
     assert len(bench.jobs.ledger(job.id)) == 3
     assert Workers(bench.client).living() == []

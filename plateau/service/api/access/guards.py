@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import re
+import time
 from collections.abc import Iterable
 from typing import Final
 
@@ -56,7 +57,8 @@ def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
 #: Limits on reading a refused body. A connection that is closed on unread bytes is reset, and the
 #: client may lose the answer.
 _LINGER_BYTES: Final = 64 * 2**20
-_LINGER_S: Final = 2.0
+_LINGER_S: Final = 20.0
+_SILENCE_S: Final = 2.0
 
 #: The size of a form without its scene: the spec and the boundaries.
 ENVELOPE_BYTES: Final = 2 << 20
@@ -144,13 +146,9 @@ async def discard_body(scope: Scope, receive: Receive) -> None:
 
 async def discard(receive: Receive) -> None:
     """Read the rest of a body, within the limits on lingering."""
-
-    async def read() -> None:
-        left, more = _LINGER_BYTES, True
-        while more and left > 0:
-            message = await receive()
+    left, more, over = _LINGER_BYTES, True, time.monotonic() + _LINGER_S
+    with contextlib.suppress(asyncio.TimeoutError):
+        while more and left > 0 and time.monotonic() < over:
+            message = await asyncio.wait_for(receive(), _SILENCE_S)
             left -= len(message.get("body", b""))
             more = message.get("more_body", False)
-
-    with contextlib.suppress(asyncio.TimeoutError):
-        await asyncio.wait_for(read(), _LINGER_S)

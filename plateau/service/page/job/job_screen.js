@@ -7,7 +7,7 @@ import { ago, whole } from "../shared/figures.js";
 import { JobControls } from "../shared/job_controls.js";
 import { AGAIN, deletedSince, ENDED, shortId, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
-import { maySteer, maySubmit } from "../shared/permissions.js";
+import { maySteer, maySubmit, metMe } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { CostFigures } from "./cost_figures.js";
@@ -56,11 +56,13 @@ export function open(main, { id, signal, go }) {
   const absent = h("div", { class: "nothing" }, h("h1", { class: "unseen" }, "A job"));
   main.append(screen, absent);
 
+  let looks = 0, shownLook = 0;  // an older answer may come after a newer one
   async function look() {
+    const now = (looks += 1);
     /** @type {Api.JobView} */
     let job;
     try {
-      [job] = await Promise.all([get(path, signal), meetRules(signal)]);
+      [job] = await Promise.all([get(path, signal), meetRules(signal), metMe]);
     } catch (error) {
       if (!isProblem(error, "unknown-job")) throw error;
       screen.hidden = true;
@@ -73,6 +75,8 @@ export function open(main, { id, signal, go }) {
       const curve = await get(job.links.curve, signal);
       points.splice(0, points.length, ...curve.points);
     }
+    if (now < shownLook) return job;
+    shownLook = now;
     show(job);
     await viewer.show(job, points);
     return job;

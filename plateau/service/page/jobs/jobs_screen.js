@@ -4,7 +4,7 @@ import { get } from "../shared/api.js";
 import { h, KeyedList, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { ENDED, inWords } from "../shared/job_summary.js";
-import { maySubmit } from "../shared/permissions.js";
+import { maySubmit, metMe } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
@@ -104,7 +104,7 @@ export function open(main, { signal, go }) {
 
   async function refresh() {
     const now = (turn += 1);
-    const [found, { workers: alive }] = await Promise.all([fetched(), get("/v1/workers", signal), meetRules(signal)]);
+    const [found, { workers: alive }] = await Promise.all([fetched(), get("/v1/workers", signal), meetRules(signal), metMe]);
     if (now !== turn) return;
     jobs = found.jobs;
     areMore = found.areMore;
@@ -148,11 +148,11 @@ export function open(main, { signal, go }) {
     }
   }
 
-  let took = 0;  // a search of a large farm is repeated less often
+  let took = 0;  // a search of a large farm is repeated less often, but one that waited for a key is not
   async function timed() {
     const began = performance.now();
     await refresh();
-    took = performance.now() - began;
+    took = Math.min(performance.now() - began, CALM_MS);
   }
   repeat(timed, () => Math.max(jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS, 10 * took), signal);
 }

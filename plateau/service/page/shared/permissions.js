@@ -2,10 +2,7 @@
 
 import { get } from "./api.js";
 
-/**
- * Until the API has answered, the page offers everything; the API decides anyway.
- * @type {{ id: string | null, role: Api.Role }}
- */
+/** Until the API has answered, all is offered: it decides anyway. @type {{ id: string | null, role: Api.Role }} */
 let known = { id: null, role: "admin" };
 
 /** @type {() => void} */

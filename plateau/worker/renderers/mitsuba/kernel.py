@@ -233,9 +233,8 @@ class Kernel:
                 return number + 1, after
 
             zeros = [[dr.zeros(mi.Float, dr.width(first)) for _ in group] for _ in sums]
-            _, of_group = dr.while_loop(
-                (dr.zeros(mi.UInt32, dr.width(first)), zeros), under_way, add
-            )
+            begin = dr.zeros(mi.UInt32, dr.width(first)), zeros
+            _, of_group = dr.while_loop(begin, under_way, add)
             for tap, totals in zip(sums, of_group, strict=True):
                 tap += totals
         return sums

@@ -145,7 +145,7 @@ class TestTheBudget:
         content: Callable[[], bytes],
         says: str,
     ) -> None:
-        checks = make(**budget)
+        checks = make(**{"deadline_s": 600.0} | budget)
 
         async def story() -> None:
             # Given a scene that costs more, its check is ended
