@@ -26,6 +26,7 @@ from tests.support.images import PAPER
 from tests.support.images.plain_exr import header
 from tests.support.images.view_transforms import srgb_transform
 from tests.support.long_tests import rare
+from tests.support.processes.relatives import children_running
 from tests.support.until import until
 
 RAW = {
@@ -263,17 +264,12 @@ def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:
     slow = farm.submit(**NEVER)
     with farm.monitor():
         farm.render(4)
-        until(lambda: any_child())
+        until(lambda: children_running(child.__name__))
         quick = farm.submit(**{**RAW, "rule": {"name": "fixed", "spp": 40}}, priority=1)
         done = farm.finish(quick)
         farm.jobs.cancel(slow.id)
         farm.finish(slow)
     assert done.state is JobState.CONVERGED
-
-
-def any_child() -> bool:
-    children = psutil.Process().children()
-    return any(child.__name__ in one.cmdline() for one in children if one.is_running())
 
 
 class TestContinuing:

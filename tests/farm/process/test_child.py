@@ -4,7 +4,6 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import IO
 
 import psutil
@@ -12,6 +11,7 @@ import pytest
 
 from plateau.farm.process.child import NoAnswer, read_part, serve, write_part
 from plateau.farm.process.helper import HelperProcess
+from tests.support.processes.relatives import children_running
 from tests.support.until import until
 
 
@@ -40,12 +40,7 @@ def ask(helper: HelperProcess, words: bytes, limit_s: float = 60) -> bytes:
 
 
 def running() -> list[int]:
-    found = []
-    for one in psutil.Process().children():
-        with suppress(psutil.Error):  # it has just ended
-            if __name__ in one.cmdline():
-                found.append(one.pid)
-    return found
+    return [one.pid for one in children_running(__name__)]
 
 
 def test_one_process_answers_one_question_after_the_other(helper: HelperProcess) -> None:

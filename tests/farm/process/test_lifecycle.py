@@ -1,6 +1,6 @@
 """Children that end with their parent."""
 
-from tests.support.processes.orphans import orphan_of
+from tests.support.processes.relatives import orphan_of
 
 PARENT = """
 import os, signal, subprocess, time

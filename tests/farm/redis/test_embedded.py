@@ -9,7 +9,7 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import embedded
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.support.processes.orphans import orphan_of
+from tests.support.processes.relatives import orphan_of
 from tests.support.until import until
 
 

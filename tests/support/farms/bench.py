@@ -1,6 +1,5 @@
 """A worker in a thread of its own, and the job that it renders."""
 
-import contextlib
 import hashlib
 import threading
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from plateau.farm.process.waits import Stop
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import VariantChoice, probe
 from tests.support import FRAMES
+from tests.support.processes.relatives import children_running
 
 
 @cache
@@ -89,12 +89,7 @@ class Bench:
 
 
 def render_children() -> list[psutil.Process]:
-    found = []
-    for process in psutil.Process().children():
-        with contextlib.suppress(psutil.NoSuchProcess):  # a probe may end meanwhile
-            if "plateau.worker.child" in process.cmdline():
-                found.append(process)
-    return found
+    return children_running("plateau.worker.child")
 
 
 def the_child() -> psutil.Process:

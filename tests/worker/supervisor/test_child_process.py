@@ -22,7 +22,7 @@ from plateau.worker.supervisor.child_process import (
 )
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.faults.loop_disk import LoopDisk
-from tests.support.processes.orphans import orphan_of
+from tests.support.processes.relatives import orphan_of
 from tests.support.scenes.bundles import PLY, mesh, scene
 from tests.support.threads import beside
 from tests.support.until import until

@@ -1,7 +1,8 @@
-"""Processes whose parent is killed."""
+"""Processes whose parent is killed, and those whose parent is this one."""
 
 import subprocess
 import sys
+from contextlib import suppress
 
 import psutil
 
@@ -14,3 +15,13 @@ def orphan_of(program: str, *arguments: object) -> psutil.Process:
         child = psutil.Process(int(parent.stdout.readline()))
         parent.kill()
     return child
+
+
+def children_running(module: str) -> list[psutil.Process]:
+    """The children of this process that run a module."""
+    found = []
+    for one in psutil.Process().children():
+        with suppress(psutil.Error):  # it has just ended
+            if module in one.cmdline():
+                found.append(one)
+    return found
