@@ -5,25 +5,22 @@ import threading
 from types import FrameType
 from typing import Any, Final
 
+from plateau.farm.process.waits import Stop
+
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupts:
-    """While the context lasts, these signals are counted and do not end the process.
+    """While the context lasts, these signals (or all three) are counted and do not end the process.
 
     A signal that was ignored (by ``nohup``, or in the background of a shell) stays ignored. In
     another thread than the main one nothing is counted.
-
-    Parameters
-    ----------
-    signals
-        Those to count; none for all three.
     """
 
     def __init__(self, *signals: signal.Signals) -> None:
         self._signals = signals or _SIGNALS
-        self.asked = threading.Event()  #: set by the first signal
-        self.insisted = threading.Event()  #: set by the second signal
+        self.asked = Stop()  #: set by the first signal
+        self.insisted = Stop()  #: set by the second signal
         self._first: int = signal.SIGINT
         self._before: dict[int, Any] = {}
 

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -60,13 +60,11 @@ def killed(most: int) -> Iterator[list[int]]:
 
     def watch() -> None:
         while not over.wait(0.05) and len(victims) < most:
-            for one in psutil.Process().children():
-                try:
-                    if child.__name__ in one.cmdline() and one.pid not in victims:
+            for one in children_running(child.__name__):
+                if one.pid not in victims:
+                    with suppress(psutil.Error):
                         one.kill()
                         victims.append(one.pid)
-                except psutil.Error:
-                    pass
 
     watcher = threading.Thread(target=watch)
     watcher.start()

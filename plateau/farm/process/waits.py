@@ -17,19 +17,32 @@ class Readable(Protocol):
 
 
 class Stop(threading.Event):
-    """An event that is set once, and from then on is readable for `select.poll`."""
+    """An event that is set once, and from then on is readable for `select.poll`.
+
+    It has no lock, so a signal handler may set it while its own thread waits for it.
+    """
 
     def __init__(self) -> None:
         super().__init__()
+        self._is_given = False
         self._readable, self._writable = os.pipe()
         for descriptor in (self._readable, self._writable):
             weakref.finalize(self, os.close, descriptor)
 
+    def is_set(self) -> bool:
+        """Whether the order was given."""
+        return self._is_given
+
     def set(self) -> None:
         """Give the order."""
-        if not self.is_set():
+        if not self._is_given:
+            self._is_given = True
             os.write(self._writable, b"\0")
-        super().set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for the order, or for so many seconds; return whether it was given."""
+        await_any(self, timeout_s=timeout)
+        return self._is_given
 
     def fileno(self) -> int:
         """The file descriptor to poll."""

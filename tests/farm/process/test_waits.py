@@ -3,6 +3,7 @@
 import gc
 import os
 import select
+import signal
 import threading
 
 import pytest
@@ -23,13 +24,19 @@ def test_it_is_readable_once_it_is_set() -> None:
     threading.Timer(0.1, stop.set).start()
     assert _is_readable(stop, 30_000)
     assert stop.wait(30)
-
-
-def test_it_stays_readable_for_all_who_poll_it_however_often_it_is_set() -> None:
-    stop = Stop()
+    # And stays so for all who poll it, however often it is set
     for _ in range(100_000):  # more than a pipe holds
         stop.set()
     assert all(_is_readable(stop, 0) for _ in range(3))
+
+
+def test_a_signal_handler_sets_it_in_whatever_its_own_thread_is() -> None:
+    for _ in range(250):
+        stop = Stop()
+        signal.signal(signal.SIGPROF, lambda *_, stop=stop: stop.set())
+        signal.setitimer(signal.ITIMER_PROF, 1e-5)
+        while not stop.wait(0):
+            pass
 
 
 def test_nothing_of_it_is_left_open() -> None:

@@ -167,16 +167,8 @@ class Kernel:
     ) -> tuple[list[list[Any]], list[Any]]:
         """Return each pixel's sums, for each tap of the filter; and its ids.
 
-        Parameters
-        ----------
-        pixel, key
-            Of each lane: its pixel, and what its random numbers depend on beside the seed.
-        first
-            Of each pixel: the lane of its first sample.
-        seed, spp
-            Of the pass.
-        spacing
-            Of a pixel's samples, in pixels: 1/√spp.
+        Each lane has a pixel, and a key on which its random numbers depend beside the pass's seed.
+        `first` is the lane of each pixel's first sample, `spacing` that of its samples in pixels.
         """
         one = self._one
         sampler = _lane_sampler()(seed, key)
