@@ -41,7 +41,6 @@ def stubborn(request: pytest.FixtureRequest) -> Iterator["subprocess.Popen[str]"
 def test_a_second_signal_ends_it(stubborn: "subprocess.Popen[str]", number: signal.Signals) -> None:
     # Given one that was asked, by two signals that came together
     stubborn.send_signal(signal.SIGTERM)
-    time.sleep(0.1)
     stubborn.send_signal(signal.SIGTERM)
     assert stubborn.stdout is not None
     assert stubborn.stdout.readline() == "asked\n"
