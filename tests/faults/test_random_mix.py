@@ -70,3 +70,4 @@ def test_a_year_in_the_life_of_a_farm(
             assert_same(outcome(farm, job, damaged=chaos.damaged), undisturbed)
         tell(f"{len(jobs)} jobs; {chaos.struck}")
         assert sum(chaos.struck.values()) > 10 * minutes
+        farm.stop_all()  # those also that have just begun anew

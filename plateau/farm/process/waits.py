@@ -50,11 +50,11 @@ class Stop(threading.Event):
 
 
 def await_any(*readable: Readable, timeout_s: float | None = None) -> None:
-    """Wait until one of them is readable, or for `timeout_s`."""
+    """Wait until one of them is readable, or for `timeout_s`, but no longer than 23 days."""
     poll = select.poll()
     for one in readable:
         poll.register(one, select.POLLIN)
-    poll.poll(None if timeout_s is None else math.ceil(max(0.0, timeout_s) * 1000))
+    poll.poll(None if timeout_s is None else math.ceil(1000 * min(max(0.0, timeout_s), 2e6)))
 
 
 class Backoff:
