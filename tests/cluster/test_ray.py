@@ -34,7 +34,7 @@ import os, sys, ray
 from ray.cluster_utils import Cluster
 answers = os.fdopen(os.dup(1), "w", buffering=1)
 os.dup2(2, 1)  # for what Ray says
-head = {"num_cpus": 0, "include_dashboard": False, "temp_dir": sys.argv[1]}
+head = {"num_cpus": 0, "include_dashboard": False}
 cluster, nodes = Cluster(initialize_head=True, head_node_args=head), []
 ray.init(cluster.address)
 for line in sys.stdin:
@@ -52,14 +52,16 @@ class RayCluster:
 
     def __init__(self, folder: str) -> None:
         assert PYTHON.exists(), "Ray is missing: run `make test-cluster`, which installs it"
-        self.process = subprocess.Popen(
-            [PYTHON, "-c", CLUSTER, folder],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        self.address = self._answer("look")[2]
+        self._said = Path(folder, "ray-cluster.log")
+        with self._said.open("w") as said:
+            self.process = subprocess.Popen(
+                [PYTHON, "-c", CLUSTER],
+                env=os.environ | {"RAY_TMPDIR": folder},  # else it needs a /tmp/ray that is there
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=said,
+                text=True,
+            )
         self._nodes = 0
 
     def have(self, nodes: int) -> None:
@@ -71,11 +73,15 @@ class RayCluster:
         """The processors that nobody uses."""
         return float(self._answer("look")[1])
 
+    @property
+    def address(self) -> str:
+        return self._answer("look")[2]
+
     def _answer(self, asked: str) -> list[str]:
         assert self.process.stdout is not None
         print(asked, file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline().split()
-        assert answer, "Ray's cluster ended"
+        assert answer, f"Ray's cluster ended: {self._said.read_text()}"
         return answer
 
 
