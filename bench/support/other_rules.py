@@ -66,7 +66,7 @@ def cycles_error(image: Image, half: Image) -> Plane:
     """
     total = np.maximum(image.sum(axis=-1), np.float32(0))  # a negative sum has no root
     scale = np.where(total < 1, np.sqrt(total), total)
-    error: Plane = np.abs(image - half).sum(axis=-1) / (np.float32(CYCLES_EPSILON) + scale)
+    error: Plane = np.divide(np.abs(image - half).sum(axis=-1), np.float32(CYCLES_EPSILON) + scale)
     return error
 
 

@@ -228,7 +228,7 @@ def _half_blends(noisy: Halved, clean: Halved) -> tuple[Image, Image]:
 
 
 def _weight(variance: Plane, risk: Plane) -> Plane:
-    weight: Plane = variance / np.maximum(variance + np.maximum(risk, 0), _LEAST)
+    weight: Plane = np.divide(variance, np.maximum(variance + np.maximum(risk, 0), _LEAST))
     return weight
 
 
