@@ -1,6 +1,5 @@
 """Which picture an EXR file holds: layers, parts, windows, and files that hold none."""
 
-import contextlib
 import io
 from typing import Any
 
@@ -96,19 +95,11 @@ def test_a_damaged_file_is_read_or_refused_in_words(whole: bytes, data: st.DataO
     damaged = bytearray(whole[: data.draw(st.integers(start, len(whole)))])
     for _ in range(data.draw(st.integers(0, 3)) if len(damaged) > start else 0):
         damaged[data.draw(st.integers(start, len(damaged) - 1))] = data.draw(st.integers(0, 255))
-    with contextlib.suppress(Refused):
-        assert read(bytes(damaged)).shape[-1] == 3
-
-
-class Refused(Exception):
-    """The file was refused as a damaged one should be."""
-
-
-def read(content: bytes) -> np.ndarray:
     try:
-        return decode_image(content)
+        assert decode_image(bytes(damaged)).shape[-1] == 3
     except ValueError as error:
-        raise Refused if "EXR" in str(error) else error from error
+        if "EXR" not in str(error):
+            raise
 
 
 def test_a_vector_is_no_luminance() -> None:

@@ -1,6 +1,5 @@
 """PNG files of every kind give the code values that were written; broken ones give words."""
 
-import contextlib
 import io
 
 import numpy as np
@@ -83,19 +82,11 @@ def test_a_damaged_file_is_read_or_refused_in_words(whole: bytes, data: st.DataO
     damaged = bytearray(whole[: data.draw(st.integers(0, len(whole)))])
     for _ in range(data.draw(st.integers(0, 3)) if damaged else 0):
         damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
-    with contextlib.suppress(Refused):
-        assert read(bytes(damaged)).shape[-1] == 3
-
-
-class Refused(Exception):
-    """The file was refused as a damaged one should be."""
-
-
-def read(content: bytes) -> np.ndarray:
     try:
-        return decode_png(content).colour
+        assert decode_png(bytes(damaged)).colour.shape[-1] == 3
     except ValueError as error:
-        raise Refused if "PNG" in str(error) else error from error
+        if "PNG" not in str(error):
+            raise
 
 
 def test_a_header_shorter_than_a_header_is_refused() -> None:

@@ -23,14 +23,6 @@ from tests.support.until import until
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
 
 
-def work(farm: NoiseFarm, job: Job, *, until_points: int | None = None) -> Job:
-    """Commit slices as they are planned, until the job is finished or has so many points."""
-    if until_points is None:
-        return farm.finish(job)
-    farm.work(lambda: farm.jobs.get(job.id).points >= until_points)
-    return farm.jobs.get(job.id)
-
-
 def leases_after_a_point(farm: NoiseFarm, job: Job, count: int = 1) -> list[Lease]:
     """Slices of the job, leased after its first point; its monitor has gone then."""
     with farm.monitor():
@@ -46,7 +38,7 @@ def judged(curve: list[CurvePoint]) -> list[dict[str, object]]:
 def test_a_noisy_ramp_converges(farm: NoiseFarm) -> None:
     job = farm.submit(**QUICK, watch=[{"name": "fixed", "spp": 100}])
     with farm.monitor():
-        done = work(farm, job)
+        done = farm.finish(job)
     # It ended by the rule, below the cap, and says so with its numbers
     assert done.state is JobState.CONVERGED
     assert "levelled off" in done.reason
@@ -114,7 +106,7 @@ def test_a_job_keeps_its_slices_where_asked(
 ) -> None:
     save_every_time(monkeypatch)
     with farm.monitor():
-        done = work(farm, farm.submit(**QUICK, keep_slices=True))
+        done = farm.finish(farm.submit(**QUICK, keep_slices=True))
     kept = farm.store.names(blobs.partials(done.id))
     assert len(kept) == len(farm.jobs.ledger(done.id)) >= done.spp // 10
     assert farm.store.names(blobs.checkpoints(done.id)) == []
@@ -138,7 +130,7 @@ def lose(farm: NoiseFarm, lease: Lease) -> None:
 def test_a_partial_that_is_lost_or_spoiled_is_rendered_again(farm: NoiseFarm) -> None:
     undisturbed = farm.submit(**QUICK)
     with farm.monitor():
-        work(farm, undisturbed)
+        farm.finish(undisturbed)
     disturbed = farm.submit(**QUICK)
     leases = leases_after_a_point(farm, disturbed, 3)
     # Given slices that were committed while no monitor looked, and harmed before one does
@@ -146,7 +138,7 @@ def test_a_partial_that_is_lost_or_spoiled_is_rendered_again(farm: NoiseFarm) ->
         farm.commit(lease)
         harm(farm, lease)
     with farm.monitor():
-        done = work(farm, disturbed)
+        done = farm.finish(disturbed)
     # Then they are rendered again: same curve, same image, and the ledger has each once
     assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
     images = [decode_image(farm.picture(job, "image.exr")) for job in (undisturbed, disturbed)]
@@ -178,7 +170,7 @@ def test_a_partial_that_never_comes_back_whole_fails_its_job_and_no_other(
     assert farm.jobs.get(bad.id).state is JobState.FAILED
     assert "never came back whole" in farm.jobs.get(bad.id).reason
     with farm.monitor():
-        assert work(farm, farm.submit(**QUICK)).state is JobState.CONVERGED
+        assert farm.finish(farm.submit(**QUICK)).state is JobState.CONVERGED
 
 
 def test_a_blob_store_that_fails_one_job_does_not_hold_up_the_others(farm: NoiseFarm) -> None:
@@ -192,12 +184,12 @@ def test_a_blob_store_that_fails_one_job_does_not_hold_up_the_others(farm: Noise
     unreadable.symlink_to(unreadable)  # which root cannot read either
     with farm.monitor():
         other = farm.submit(**QUICK, priority=1)
-        assert work(farm, other).state is JobState.CONVERGED
+        assert farm.finish(other).state is JobState.CONVERGED
         assert farm.jobs.get(stuck.id).state is JobState.RENDERING
         # When it can be read again, the job goes on
         unreadable.unlink()
         unreadable.write_bytes(content)
-        assert work(farm, stuck).state is JobState.CONVERGED
+        assert farm.finish(stuck).state is JobState.CONVERGED
 
 
 def test_results_that_cannot_be_written_do_not_hold_the_monitor(
@@ -208,7 +200,7 @@ def test_results_that_cannot_be_written_do_not_hold_the_monitor(
 
     monkeypatch.setattr(ResultSets, "_pictures", refuse)
     with farm.monitor():
-        done = work(farm, farm.submit(**QUICK))
+        done = farm.finish(farm.submit(**QUICK))
     assert done.state is JobState.FAILED
     assert "no picture of this" in done.reason
     assert farm.store.names(blobs.results(done.id)) == []

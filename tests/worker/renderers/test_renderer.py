@@ -222,9 +222,8 @@ class TestPurity:
             (note,) = loaded.notes
             assert note.startswith("the integrator's block_size was changed from 4 to 32: ")
 
-    @pytest.mark.parametrize("spp", [0, -1, 3, 20, 25, 48])
-    def test_a_pass_of_a_scalar_variant_is_a_power_of_two(self, box_room, spp):
-        if box_room.variant == "scalar_rgb":
+    def test_a_pass_of_a_scalar_variant_is_a_power_of_two(self, box_room):
+        for spp in (0, -1, 3, 20, 25, 48) if box_room.variant == "scalar_rgb" else ():
             with pytest.raises(ValueError, match=f"power of two of spp, not {spp}"):
                 box_room.render_pass(spp, 0)
 
@@ -271,10 +270,6 @@ class TestRawFilm:
         # No samples beyond the edge reach in
         assert weights[0].mean() < weights[1:-1].mean()
         assert weights.min() > 0
-
-    def test_passes_do_not_pile_up_on_the_film(self, mitsuba):
-        mitsuba.load(ROOM, filter="box")
-        assert [mitsuba.render_pass(2, seed)[..., 3].max() for seed in range(3)] == [2, 2, 2]
 
     def test_a_crop_window_is_the_film(self, mitsuba):
         loaded = mitsuba.load(ROOM, sensor=1)

@@ -36,6 +36,7 @@ def as_(session_api: str, keys: ApiKeys) -> Iterator[As]:
                 base_url=session_api,
                 headers={"Authorization": f"Bearer {shown}"},
                 trust_env=False,
+                verify=False,
                 timeout=60,
             )
         )

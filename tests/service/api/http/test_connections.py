@@ -138,7 +138,7 @@ class TestABody:
             assert rest(connection) == b""
         # And it is counted as a request of a client that has gone, and is no error
         given_up = '_count{method="POST",route="/v1/jobs",status="4xx"} 1.0'
-        with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:
+        with httpx.Client(base_url=url, verify=False, trust_env=False, timeout=60) as http:
             until(lambda: given_up in http.get("/metrics").text)
         assert [one.message for one in caplog.records if one.levelno >= logging.ERROR] == []
 
@@ -201,7 +201,7 @@ def test_there_are_fewer_connections_than_descriptors(farm: RealFarm, tmp_path: 
         for connection in idle:
             connection.close()
     # And, once they are gone, so is who comes then
-    with httpx.Client(base_url=url, trust_env=False, timeout=60, verify=False) as http:
+    with httpx.Client(base_url=url, verify=False, trust_env=False, timeout=60) as http:
         until(lambda: http.get("/readyz").status_code == 200)
     # And the log has no more to say of it than of anything else
     assert "out of system resource" not in log.read_text()

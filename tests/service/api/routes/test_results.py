@@ -28,29 +28,17 @@ def events(http: httpx.Client, job_id: str, **headers: str) -> Iterator[Event]:
         yield from parse_events(answer.iter_lines())
 
 
-def told(happened: Iterator[Event] | list[Event]) -> list[str]:
-    return [event.type for event in happened]
-
-
-class TestTheCurve:
-    @pytest.fixture
-    def job(self, client: redis.Redis) -> StagedJob:
-        job = StagedJob(client, watch=[{"name": "fixed"}])
-        job.commit(8)
-        job.point(100, 0)
-        job.point(200, 30, slope=0.25)
-        return job
-
-    def test_comes_as_csv(self, http: httpx.Client, job: StagedJob) -> None:
-        answer = http.get(f"/v1/jobs/{job.id}/curve.csv")
-        assert answer.headers["content-type"].startswith("text/csv")
-        first, second = csv.DictReader(answer.text.splitlines())
-        assert (first["spp"], first["visible_pixels"], first["slope"]) == ("100", "0", "")
-        assert (second["slope"], second["reverse_value"], second["reverse_stop"]) == (
-            "0.25",
-            "0.25",
-            "false",
-        )
+def test_the_curve_comes_as_csv(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client, watch=[{"name": "fixed"}])
+    job.commit(8)
+    job.point(100, 0)
+    job.point(200, 30, slope=0.25)
+    answer = http.get(f"/v1/jobs/{job.id}/curve.csv")
+    assert answer.headers["content-type"].startswith("text/csv")
+    first, second = csv.DictReader(answer.text.splitlines())
+    assert (first["spp"], first["visible_pixels"], first["slope"]) == ("100", "0", "")
+    found = (second["slope"], second["reverse_value"], second["reverse_stop"])
+    assert found == ("0.25", "0.25", "false")
 
 
 def test_a_slice_is_a_partial_whatever_its_worker_said(
@@ -134,23 +122,14 @@ class TestEvents:
             rest = list(events(http, job.id, **{"Last-Event-ID": event.id}))
             assert rest == everything[seen + 1 :]
         query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
-        assert told(parse_events(query.text.splitlines())) == ["finished"]
+        assert [one.type for one in parse_events(query.text.splitlines())] == ["finished"]
         last = {"Last-Event-ID": everything[-1].id}
         answer = http.get(f"/v1/jobs/{job.id}/events", headers=last)
         assert answer.status_code == 204  # on which a browser does not come back
 
 
-@pytest.fixture
-def job(client: redis.Redis) -> StagedJob:
-    """Slice 0 committed in silence, slice 1 after a death and with a warning."""
+def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, client: redis.Redis) -> None:
     job = StagedJob(client)
-    job.commit()
-    job.die("the render process was ended by SIGSEGV", said="last words")
-    job.commit(said="a warning")
-    return job
-
-
-def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, job: StagedJob) -> None:
     last = job.spec.max_spp // job.spec.slice_spp - 1
     assert http.get(f"/v1/jobs/{job.id}/log?slice={last}").status_code == 200
     found = problem(http.get(f"/v1/jobs/{job.id}/log?slice={last + 1}"), 404, "unknown-slice")

@@ -34,7 +34,7 @@ def dear(tags: int = 30) -> bytes:
 
 def many_entries() -> bytes:
     """As many entries as may be, with long names."""
-    return zipped({f"{number}{'x' * 250}": b"" for number in range(10_000)}).getvalue()
+    return zipped({f"{'x' * 200}/{number}{'x' * 250}": b"" for number in range(10_000)}).getvalue()
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ def url(embedded_redis: EmbeddedRedis, api_store: Blobs, root: Path) -> Iterator
 
 @pytest.fixture
 def studio(url: str, redis_url: str, assets: Path) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:
+    with httpx.Client(base_url=url, verify=False, trust_env=False, timeout=60) as http:
         yield http
 
 
