@@ -1,11 +1,13 @@
 """Many small images, the camera moved in each, by `plateau.map` and by loops: `make bench-dataset`.
 
 One loop keeps the scene and moves its camera, as a good user of Mitsuba writes it; a naive one
-loads the scene each time. All three write EXR files, and run in turns on the same cores.
+loads the scene each time. All three write EXR files, and run in turns on the same cores. Any scene
+will do whose first sensor has a transform, and a film of `$width` and `$height`.
 """
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -24,11 +26,10 @@ from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.child_start import NICE
 from plateau.worker.supervisor.variants import choose
 
-_BOX: Final = ROOT / "plateau" / "scenes" / "box"
-_PLACE: Final = 'origin="0, 1.0, 5.1"'
+BOX: Final = ROOT / "plateau" / "scenes" / "box"
 #: Frames, side in pixels and spp.
 _CASES: Final = ((200, 128, 64), (100, 256, 256))
-_WAYS: Final = ("plateau.map", "scene kept", "scene loaded")
+WAYS: Final = ("plateau.map", "scene kept", "scene loaded")
 #: Images of each before it counts as under way.
 _BEFORE: Final = 4
 
@@ -36,47 +37,57 @@ _BEFORE: Final = 4
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--case", nargs=3, type=int, action="append", metavar=("N", "SIDE", "SPP"))
-    parser.add_argument("--way", choices=_WAYS, help=argparse.SUPPRESS)
+    parser.add_argument("--scene", type=Path, default=BOX, help="a folder or a zip; default: BOX")
+    parser.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     for case in options.case or _CASES:
         if options.way:
             _render(options.way, options.folder, *case)
         else:
-            write_report("dataset", measure(*case), settings={}, document="performance.md")
+            tables = measure(options.scene, *case)
+            write_report("dataset", tables, settings={}, document="performance.md")
 
 
-def measure(frames: int, side: int, spp: int) -> dict[str, Any]:
+def measure(given: Path, frames: int, side: int, spp: int) -> dict[str, Any]:
     """Return the table of a case."""
     with ExitStack() as stack:
         took = stack.enter_context(timed())
-        scene = _moving_box(Path(stack.enter_context(tempfile.TemporaryDirectory())))
-        folders = {way: scene / way for way in _WAYS}
+        scene = moving(given, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        folders = {way: scene / way for way in WAYS}
         case = ("--case", str(frames), str(side), str(spp))
-        ran = take_turns({way: _start(way, folder, *case) for way, folder in folders.items()})
+        ran = take_turns({way: start(way, folder, *case) for way, folder in folders.items()})
         under_way = {}
         for way, folder in folders.items():
             ends = sorted(ran[way].own_s(one.stat().st_mtime) for one in folder.glob("*.exr"))
             under_way[way] = (ends[-1] - ends[_BEFORE]) / (frames - 1 - _BEFORE)
-    mapped = _WAYS[0]
-    row = {"": f"{frames} frames of {side}², {spp} spp", "s a frame": f"{under_way[mapped]:.3f}"}
-    row |= {way: f"{under_way[way] / under_way[mapped]:.2f}" for way in _WAYS[1:]}
-    row["CPU time"] = f"{ran[_WAYS[1]].cpu_s / ran[mapped].cpu_s:.2f}"
+    mapped = WAYS[0]
+    row = {
+        "": f"{given.stem}, {frames} frames of {side}², {spp} spp",
+        "s a frame": f"{under_way[mapped]:.3f}",
+    }
+    row |= {way: f"{under_way[way] / under_way[mapped]:.2f}" for way in WAYS[1:]}
+    row["CPU time"] = f"{ran[WAYS[1]].cpu_s / ran[mapped].cpu_s:.2f}"
     row[OTHERS] = f"{took.others:.3f}"
     machine = [one[:-1] for one in machine_table({"workers": len(os.sched_getaffinity(0))}, [0])]
     return {"dataset-machine": machine, "dataset": [list(row), list(row.values())]}
 
 
-def _moving_box(folder: Path) -> Path:
-    shutil.copytree(_BOX, folder, dirs_exist_ok=True)
+def moving(given: Path, folder: Path) -> Path:
+    """Unpack or copy a scene, whose camera `$x` moves then."""
+    if given.is_dir():
+        shutil.copytree(given, folder, dirs_exist_ok=True)
+    else:
+        shutil.unpack_archive(given, folder)
     text = (folder / "scene.xml").read_text()
-    place = '<default name="x" value="0"/><default name="width"'
-    text = text.replace(_PLACE, 'origin="$x, 1.0, 5.1"').replace('<default name="width"', place)
+    text = re.sub(r"(<scene\b[^>]*>)", r'\1<default name="x" value="0"/>', text, count=1)
+    moved = r'\1<translate x="$x"/></transform>'
+    text = re.sub(r"(<sensor\b.*?)</transform>", moved, text, count=1, flags=re.DOTALL)
     (folder / "scene.xml").write_text(text)
     return folder
 
 
-def _start(way: str, folder: Path, *case: str) -> psutil.Popen:
+def start(way: str, folder: Path, *case: str) -> psutil.Popen:
     folder.mkdir()
     command = [sys.executable, "-m", "bench.dataset", "--way", way, "--folder", str(folder), *case]
     return psutil.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
@@ -84,7 +95,7 @@ def _start(way: str, folder: Path, *case: str) -> psutil.Popen:
 
 def _render(way: str, folder: Path, frames: int, side: int, spp: int) -> None:
     places = [0.4 * frame / frames for frame in range(frames)]
-    if way == _WAYS[0]:
+    if way == WAYS[0]:
         import plateau
 
         values = [{"width": side, "height": side, "x": place} for place in places]
@@ -108,13 +119,14 @@ def _loop(
     given: dict[str, Any] = {"width": str(side), "height": str(side)}
     loaded: Any = None
     for frame, x in enumerate(xs):
-        if way == _WAYS[2]:
+        if way == WAYS[2]:
             loaded = mi.load_file(str(scene / "scene.xml"), **given, x=str(x))
         else:
-            loaded = loaded or mi.load_file(str(scene / "scene.xml"), **given)
-            camera = mi.traverse(loaded.sensors()[0])
-            origin = [x, 1.0, 5.1]
-            camera["to_world"] = mi.ScalarTransform4f().look_at(origin, [0, 1, 0], [0, 1, 0])
+            if loaded is None:
+                loaded = mi.load_file(str(scene / "scene.xml"), **given)
+                camera = mi.traverse(loaded.sensors()[0])
+                place = mi.Transform4f(camera["to_world"])  # which is changed in its place
+            camera["to_world"] = mi.Transform4f().translate([x, 0, 0]) @ place
             camera.update()
         yield mi.Bitmap(mi.render(loaded, spp=spp, seed=frame))
 

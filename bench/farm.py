@@ -22,6 +22,7 @@ import numpy as np
 from bench.support import processes
 from bench.support.alone import CALLS_SPP, Case, call_rates, calls_that_fit, read_told
 from bench.support.processes import TURN_S, Ran, Watch, take_turns, timed
+from bench.support.recordings import Size
 from bench.support.report import OTHERS, Table, machine_table, spread, write_report
 from plateau.farm.images.exr import decode_image
 from plateau.farm.model.spec import JobSpec
@@ -98,7 +99,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument(
-        "--sizes", nargs="+", type=_size, metavar="WIDTHxHEIGHT", help="default: four sizes"
+        "--sizes", nargs="+", type=Size.of, metavar="WIDTHxHEIGHT", help="default: four sizes"
     )
     parser.add_argument(
         "--quick",
@@ -260,12 +261,6 @@ def _asked_of_the_farm(work: Work) -> dict[str, Any]:
 def _moment(text: str) -> float:
     """Return a moment of a job in seconds of `time.time`."""
     return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()  # for Python 3.10
-
-
-def _size(text: str) -> tuple[int, int]:
-    """Parse WIDTHxHEIGHT."""
-    width, height = map(int, text.split("x"))
-    return width, height
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from typing import Any, Final
 import psutil
 
 from bench import ROOT
+from plateau.worker.supervisor.identity import cpu
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries
 from plateau.worker.supervisor.llvm_libraries import version as llvm_version
 
@@ -143,7 +144,7 @@ def machine() -> dict[str, Any]:
     """Return everything about this machine that may affect a figure, its present load included."""
     libraries = llvm_libraries()
     return {
-        "cpu": _cpu_model(),
+        "cpu": cpu(),
         "cores": len(os.sched_getaffinity(0)),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "load_average_1_min": round(os.getloadavg()[0], 2),
@@ -153,12 +154,3 @@ def machine() -> dict[str, Any]:
         "mitsuba": version("mitsuba"),
         "llvm": ".".join(map(str, llvm_version(libraries[0]))) if libraries else None,
     }
-
-
-def _cpu_model() -> str:
-    information = Path("/proc/cpuinfo")
-    if information.exists():
-        found = re.search(r"^model name\s*:\s*(.+)$", information.read_text(), re.MULTILINE)
-        if found:
-            return found[1]
-    return platform.processor() or platform.machine()

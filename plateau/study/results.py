@@ -1,20 +1,16 @@
 """The results of a study: the answers at each level, the fit, and CSV files."""
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
+from plateau.farm.wire.csv_text import csv_text
 from plateau.study.ledger import Studies
 from plateau.study.model import MOST_STUDIES, PROBABILITIES, Answer, Observer, Study
 from plateau.study.views import LevelResult, StudyResult, Threshold
 
 if TYPE_CHECKING:
     from plateau.study.answers import AnswersFit
-
-#: The first characters of a cell that a spreadsheet takes for a formula.
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 
 TRIALS_HEADER: Final = (
     "scene",
@@ -93,7 +89,7 @@ def trials_csv(study: Study, observers: list[Observer], answers: list[Answer]) -
                 gamma,
             ]
         )
-    return _csv(rows)
+    return csv_text(rows)
 
 
 def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
@@ -136,14 +132,3 @@ def _suggested(levels: list[LevelResult], slice_spp: int) -> list[int]:
     high = min((spp for spp, share in shares if share <= 0.05 and spp > low), default=shares[-1][0])
     steps = ((low + (high - low) * place / 6) / slice_spp for place in range(7))
     return sorted({slice_spp * max(1, round(one)) for one in steps})
-
-
-def _csv(rows: list[list[object]]) -> str:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(map(_plain, rows))
-    return stream.getvalue()
-
-
-def _plain(row: list[object]) -> list[object]:
-    """The row with formulas quoted, since a study may have any name."""
-    return [f"'{one}" if str(one).startswith(_FORMULA) else one for one in row]

@@ -141,14 +141,12 @@ def decode_partial(content: bytes) -> Partial:
             header = dict(file.header())
             named = (json.loads(header[name]) for name in (_CHANNELS, _IDS, _QUOTIENTS))
             channels = Channels(*named)
-            pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
-            inputs = {
-                int(spp): np.stack(
-                    [planes[f"{input_layer(spp)}.{one}"].pixels for one in channels.names],
-                    axis=-1,
-                )
-                for spp in json.loads(header.get(_INPUTS, "[]"))
-            }
+
+            def film(layer: str = "") -> Pixels:
+                return np.stack([planes[f"{layer}{one}"].pixels for one in channels.names], axis=-1)
+
+            pixels, spps = film(), json.loads(header.get(_INPUTS, "[]"))
+            inputs = {int(spp): film(f"{input_layer(spp)}.") for spp in spps}
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
             transform = ViewTransform.from_text(str(header[_LOOK])) if _LOOK in header else None
@@ -202,18 +200,11 @@ def encode_layers(
     height, width = next(iter(planes.values())).shape
     attributes = {**attributes, **windows(attributes, width, height)}
     if precision == "half":
-        return _encode(
-            {
-                name: values if name in whole else _as_half(values)
-                for name, values in planes.items()
-            },
-            compression,
-            attributes,
-        )
+        planes = {name: one if name in whole else _as_half(one) for name, one in planes.items()}
     return _encode(planes, compression, attributes)
 
 
-def _as_half(values: Pixels) -> NDArray[np.float16]:
+def _as_half(values: Pixels) -> NDArray[Any]:
     cut = np.clip(values, -_LARGEST_HALF, _LARGEST_HALF)
     return np.where(np.isinf(values), values, cut).astype(np.float16)
 

@@ -122,30 +122,14 @@ def _tag_missing(about: Mapping[str, Any]) -> str:
     return f"must say its {_alternatives(about['discriminator'])}"
 
 
-def _too_long(about: Mapping[str, Any]) -> str:
-    return f"must have at most {about['max_length']:,} {_characters(about['max_length'])}"
+def _length(words: str, name: str, one: str, several: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda about: f"must have {words} {about[name]:,} {one if about[name] == 1 else several}"
 
 
 def _too_short(about: Mapping[str, Any]) -> str:
     if about["min_length"] == 1:
         return "must not be empty"
-    return f"must have at least {about['min_length']:,} {_characters(about['min_length'])}"
-
-
-def _characters(count: int) -> str:
-    return "character" if count == 1 else "characters"
-
-
-def _too_many(about: Mapping[str, Any]) -> str:
-    return f"must have at most {_entries(about['max_length'])}"
-
-
-def _too_few(about: Mapping[str, Any]) -> str:
-    return f"must have at least {_entries(about['min_length'])}"
-
-
-def _entries(count: int) -> str:
-    return "1 entry" if count == 1 else f"{count:,} entries"
+    return _length("at least", "min_length", "character", "characters")(about)
 
 
 def _pattern(about: Mapping[str, Any]) -> str:
@@ -179,7 +163,7 @@ _WORDS: Final[dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "bool_parsing": _YES_OR_NO,
     "string_type": _TEXT,
     "string_too_short": _too_short,
-    "string_too_long": _too_long,
+    "string_too_long": _length("at most", "max_length", "character", "characters"),
     "string_pattern_mismatch": _pattern,
     "literal_error": _one_of,
     "enum": _one_of,
@@ -190,8 +174,8 @@ _WORDS: Final[dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "model_attributes_type": _OBJECT,
     "list_type": _LIST,
     "tuple_type": _LIST,
-    "too_long": _too_many,
-    "too_short": _too_few,
+    "too_long": _length("at most", "max_length", "entry", "entries"),
+    "too_short": _length("at least", "min_length", "entry", "entries"),
     "json_invalid": lambda about: f"is not JSON: {about['error']}",
     "json_type": "must be JSON",
     "path_type": "must be a path",

@@ -152,15 +152,11 @@ class EmbeddedRedis:
         self.url = f"unix://{f':{secret}@' if secret else ''}{socket}"
         try:
             self._launch()
+            if wait:
+                self.await_ready()
         except BaseException:
             self._forget_socket()
             raise
-        if wait:
-            try:
-                self.await_ready()
-            except BaseException:
-                self._forget_socket()
-                raise
 
     def start(self) -> None:
         """Start the server again after its death."""

@@ -1,16 +1,11 @@
 """What jobs have cost in sum, as JSON and CSV."""
 
-import csv
-import io
 from datetime import datetime
-from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.usage import ROW, Grouping, UsageRow
-
-#: With what a spreadsheet's formulas begin.
-_FORMULA: Final = ("=", "+", "-", "@", "\t")
+from plateau.farm.wire.csv_text import csv_text
 
 
 class Usage(BaseModel):
@@ -41,17 +36,5 @@ class Usage(BaseModel):
 
 
 def usage_csv(usage: Usage) -> str:
-    """The rows as CSV.
-
-    A name that a spreadsheet would take for a formula begins with an apostrophe.
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(UsageRow.model_fields)
-    for row in usage.rows:
-        writer.writerow(map(_as_text, row.model_dump().values()))
-    return text.getvalue()
-
-
-def _as_text(value: object) -> object:
-    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
+    """The rows as CSV."""
+    return csv_text([UsageRow.model_fields, *(row.model_dump().values() for row in usage.rows)])

@@ -96,6 +96,16 @@ class RuleOverEarlierImages(Rule):
             raise ValueError(f"not a memory of the rule {self.name!r}")
         self._earlier = earlier
 
+    def _against(
+        self, evidence: Evidence, spp: int | None, threshold: float, seen_from: str, none: str
+    ) -> Verdict:
+        """Return the verdict on the difference from the image at `spp`, if there is one."""
+        if spp is None:
+            return first_verdict(evidence, threshold, none)
+        earlier = evidence.metric.percept(self._earlier[spp])
+        difference = evidence.metric.compare(earlier, evidence.percept)
+        return verdict_on(evidence, spp, difference, threshold, seen_from)
+
 
 def differing_pixels() -> float:
     """Return a rule's field for the threshold: visible pixels at 512×512 at which to stop."""

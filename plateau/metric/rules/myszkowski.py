@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import (
-    RuleOverEarlierImages,
-    differing_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
@@ -68,18 +63,10 @@ class Myszkowski(RuleOverEarlierImages):
         """Return whether the two images look alike; the value is the pixels that differ."""
         self._earlier.require_before(evidence)
         candidates = [spp for spp in self._earlier.spps if spp <= self.alpha * evidence.spp]
-        if candidates:
-            earlier = evidence.metric.percept(self._earlier[candidates[-1]])
-            verdict = verdict_on(
-                evidence,
-                candidates[-1],
-                evidence.metric.compare(earlier, evidence.percept),
-                self.threshold,
-                f"the image at {candidates[-1]} spp ({candidates[-1] / evidence.spp:.2g} of them)",
-            )
-        else:
-            words = f"there is no image of {self.alpha:g} times {evidence.spp} spp or fewer"
-            verdict = first_verdict(evidence, self.threshold, words)
+        spp = candidates[-1] if candidates else None
+        seen_from = f"the image at {spp} spp ({(spp or 0) / evidence.spp:.2g} of them)"
+        none = f"there is no image of {self.alpha:g} times {evidence.spp} spp or fewer"
+        verdict = self._against(evidence, spp, self.threshold, seen_from, none)
         self._earlier.forget(candidates[:-1])
         self._earlier.add(evidence)
         return verdict

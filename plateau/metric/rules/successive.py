@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import (
-    RuleOverEarlierImages,
-    differing_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
 
 if TYPE_CHECKING:
     from plateau.metric.rules.base import Verdict
@@ -53,18 +48,9 @@ class Successive(RuleOverEarlierImages):
         """Return whether nothing has changed; the value is the pixels that visibly changed."""
         self._earlier.require_before(evidence)
         before = self._earlier.spps
-        if before:
-            earlier = evidence.metric.percept(self._earlier[before[0]])
-            verdict = verdict_on(
-                evidence,
-                before[0],
-                evidence.metric.compare(earlier, evidence.percept),
-                self.threshold,
-                f"the image at {before[0]} spp",
-            )
-        else:
-            words = f"the image at {evidence.spp} spp is the first; there is none before it"
-            verdict = first_verdict(evidence, self.threshold, words)
+        spp = before[0] if before else None
+        none = f"the image at {evidence.spp} spp is the first; there is none before it"
+        verdict = self._against(evidence, spp, self.threshold, f"the image at {spp} spp", none)
         self._earlier.forget(before)
         self._earlier.add(evidence)
         return verdict

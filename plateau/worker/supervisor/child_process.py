@@ -244,6 +244,10 @@ class RenderChild:
         deadline = time.monotonic() + timeout_s
         self._watch.asked()
         while b"\n" not in self._received:
+            # First, so that an answer that has come counts, however late this process gets to it.
+            arrived = self._receive(doing)
+            if b"\n" in self._received:
+                break
             now, cancelled_at = time.monotonic(), self._cancelled_at
             if cancelled_at is not None and now > cancelled_at + CANCEL_GRACE_S:
                 self.kill()
@@ -251,7 +255,7 @@ class RenderChild:
             if now > deadline:
                 self.kill()
                 raise ChildDied(f"{doing} took longer than {timeout_s:.3g} s")
-            if not self._receive(doing) and (why := self._watch.stuck()) is not None:
+            if not arrived and (why := self._watch.stuck()) is not None:
                 self.kill()
                 raise ChildDied(f"the render process {why} while {doing}")
         self._watch.answered()
