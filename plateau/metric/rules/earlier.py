@@ -96,15 +96,10 @@ class RuleOverEarlierImages(Rule):
             raise ValueError(f"not a memory of the rule {self.name!r}")
         self._earlier = earlier
 
-    def _against(
-        self, evidence: Evidence, spp: int | None, threshold: float, seen_from: str, none: str
-    ) -> Verdict:
-        """Return the verdict on the difference from the image at `spp`, if there is one."""
-        if spp is None:
-            return first_verdict(evidence, threshold, none)
+    def _difference(self, evidence: Evidence, spp: int) -> Difference:
+        """Return the difference from the earlier image at `spp`."""
         earlier = evidence.metric.percept(self._earlier[spp])
-        difference = evidence.metric.compare(earlier, evidence.percept)
-        return verdict_on(evidence, spp, difference, threshold, seen_from)
+        return evidence.metric.compare(earlier, evidence.percept)
 
 
 def differing_pixels() -> float:

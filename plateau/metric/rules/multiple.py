@@ -79,10 +79,10 @@ class Multiple(RuleOverEarlierImages):
             words = f"there are {len(spps)} of the {self.window} images of a window"
             return first_verdict(evidence, self.threshold, words)
 
-        metric, allowed = evidence.metric, allowed_pixels(self.threshold, evidence.pixels)
+        allowed = allowed_pixels(self.threshold, evidence.pixels)
         seen: dict[int, Difference] = {}
         for spp in spps:
-            seen[spp] = metric.compare(metric.percept(self._earlier[spp]), evidence.percept)
+            seen[spp] = self._difference(evidence, spp)
             if seen[spp].finite_count > allowed:
                 break
         worst = max(seen, key=lambda spp: seen[spp].finite_count)

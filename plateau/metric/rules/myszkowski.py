@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
+from plateau.metric.rules.earlier import (
+    RuleOverEarlierImages,
+    differing_pixels,
+    first_verdict,
+    verdict_on,
+)
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
@@ -63,10 +68,14 @@ class Myszkowski(RuleOverEarlierImages):
         """Return whether the two images look alike; the value is the pixels that differ."""
         self._earlier.require_before(evidence)
         candidates = [spp for spp in self._earlier.spps if spp <= self.alpha * evidence.spp]
-        spp = candidates[-1] if candidates else None
-        seen_from = f"the image at {spp} spp ({(spp or 0) / evidence.spp:.2g} of them)"
-        none = f"there is no image of {self.alpha:g} times {evidence.spp} spp or fewer"
-        verdict = self._against(evidence, spp, self.threshold, seen_from, none)
+        if candidates:
+            spp = candidates[-1]
+            difference = self._difference(evidence, spp)
+            seen_from = f"the image at {spp} spp ({spp / evidence.spp:.2g} of them)"
+            verdict = verdict_on(evidence, spp, difference, self.threshold, seen_from)
+        else:
+            words = f"there is no image of {self.alpha:g} times {evidence.spp} spp or fewer"
+            verdict = first_verdict(evidence, self.threshold, words)
         self._earlier.forget(candidates[:-1])
         self._earlier.add(evidence)
         return verdict

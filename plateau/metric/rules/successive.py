@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
+from plateau.metric.rules.earlier import (
+    RuleOverEarlierImages,
+    differing_pixels,
+    first_verdict,
+    verdict_on,
+)
 
 if TYPE_CHECKING:
     from plateau.metric.rules.base import Verdict
@@ -48,9 +53,13 @@ class Successive(RuleOverEarlierImages):
         """Return whether nothing has changed; the value is the pixels that visibly changed."""
         self._earlier.require_before(evidence)
         before = self._earlier.spps
-        spp = before[0] if before else None
-        none = f"the image at {evidence.spp} spp is the first; there is none before it"
-        verdict = self._against(evidence, spp, self.threshold, f"the image at {spp} spp", none)
+        if before:
+            difference = self._difference(evidence, before[0])
+            seen_from = f"the image at {before[0]} spp"
+            verdict = verdict_on(evidence, before[0], difference, self.threshold, seen_from)
+        else:
+            words = f"the image at {evidence.spp} spp is the first; there is none before it"
+            verdict = first_verdict(evidence, self.threshold, words)
         self._earlier.forget(before)
         self._earlier.add(evidence)
         return verdict

@@ -271,6 +271,10 @@ class TestRawFilm:
         assert weights[0].mean() < weights[1:-1].mean()
         assert weights.min() > 0
 
+    def test_passes_do_not_pile_up_on_the_film(self, mitsuba):
+        mitsuba.load(ROOM, filter="box")
+        assert [mitsuba.render_pass(2, seed)[..., 3].max() for seed in range(3)] == [2, 2, 2]
+
     def test_a_crop_window_is_the_film(self, mitsuba):
         loaded = mitsuba.load(ROOM, sensor=1)
         assert (loaded.width, loaded.height) == (17, 11)
