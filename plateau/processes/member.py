@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Final
 
-from plateau.farm.process.lifecycle import die_with_parent
+from plateau.farm.process.lifecycle import die_with_parent, how_ended
 from plateau.farm.process.log import rotate
 
 _BACKOFF_S: Final = 0.5
@@ -80,7 +80,7 @@ class Member:
         self.deaths = 1 if lived_s > _WELL_S else self.deaths + 1
         backoff_s = min(_BACKOFF_S * 2 ** (self.deaths - 1), _LONGEST_BACKOFF_S)
         self._start_after = time.monotonic() + backoff_s
-        return f"{self.name} {describe_exit(status)}"
+        return f"{self.name} {how_ended(status)}"
 
     def start_if_due(self) -> None:
         """Restart it if it has died and its pause is over."""
@@ -111,10 +111,3 @@ class Member:
             log.seek(max(self._begins_at, self.log.stat().st_size - _LAST_WORDS_BYTES))
             lines = log.read().decode(errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-15:]) or "  (it said nothing)"
-
-
-def describe_exit(status: int) -> str:
-    """A process's exit status in words."""
-    if status >= 0:
-        return f"ended with exit code {status}"
-    return f"was ended by {signal.Signals(-status).name}"

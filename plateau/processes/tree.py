@@ -11,13 +11,13 @@ from typing import Final, TextIO
 
 from plateau.errors import PlateauError
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.lifecycle import shut_memory
+from plateau.farm.process.lifecycle import how_ended, shut_memory
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Backoff
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
-from plateau.processes.member import Member, describe_exit
+from plateau.processes.member import Member
 from plateau.processes.read_settings import REDIS_VARIABLES
 from plateau.worker.supervisor import gpus, needed_libraries
 from plateau.worker.supervisor.machine import memory_for_children
@@ -141,7 +141,7 @@ class Tree:
         """Restart Redis if it has died; the others wait for it and lose nothing."""
         server.rotate_log()
         if server.process.poll() is not None and time.monotonic() >= self._redis_start_at:
-            self.tell(f"Redis {describe_exit(server.process.returncode)}; starting it again")
+            self.tell(f"Redis {how_ended(server.process.returncode)}; starting it again")
             try:
                 server.start()
             except StoreUnavailable as error:

@@ -35,7 +35,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
                 ballast = disk.fill()
-                up.wait_for("Redis ended with exit code 1; starting it again")
+                up.wait_for("Redis exited with 1; starting it again")
                 assert up.process.poll() is None
                 # When there is room
                 ballast.unlink()

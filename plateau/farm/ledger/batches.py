@@ -66,11 +66,10 @@ class Batches:
 
     def _line(self, name: str) -> BatchLine | None:
         """The batch in a list; jobs whose state is lost or unknown do not count."""
-        pipe = self._redis.pipeline(transaction=False)
-        for job_id in self._redis.zrange(keys.batch(name), 0, -1):
-            pipe.hmget(keys.job(job_id), ("state", "created_at"))
+        job_ids, names = self._redis.zrange(keys.batch(name), 0, -1), ("state", "created_at")
+        found = (one.values() for one in records.fields_of(self._redis, job_ids, names))
         known = {state.value for state in JobState}
-        jobs = [(state, at) for state, at in pipe.execute() if state in known and at is not None]
+        jobs = [(state, at) for state, at in found if state in known and at is not None]
         if not jobs:
             return None
         return BatchLine(
@@ -97,10 +96,8 @@ class Batches:
         """The newest shot of the batch, or None where it has none; `BatchNotFound` without it."""
         with unavailable_as_farm_error():
             job_ids = self._redis.zrevrange(keys.batch(name), 0, -1)
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id in job_ids:
-                pipe.hget(keys.job(job_id), "shot")
-            found = next(filter(None, pipe.execute()), None)
+            shots = (one["shot"] for one in records.fields_of(self._redis, job_ids, ("shot",)))
+            found = next(filter(None, shots), None)
         if not job_ids:
             raise BatchNotFound(name)
         return None if found is None else self.shots.get(found)
@@ -130,10 +127,11 @@ class Batches:
         """
         with unavailable_as_farm_error():
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-            owners = self._owners(job_ids)
+            owners = records.fields_of(self._redis, job_ids, ("owner",), "sealed")
         if not job_ids:
             raise BatchNotFound(name)
-        mine = [job for job, owner in zip(job_ids, owners, strict=True) if may_touch(owner or "")]
+        owned = zip(job_ids, owners, strict=True)
+        mine = [job_id for job_id, had in owned if may_touch(had["owner"] or "")]
         answers: dict[str, Moved] = {}
         for start in range(0, len(mine), _AT_ONCE):
             some = mine[start : start + _AT_ONCE]
@@ -141,26 +139,17 @@ class Batches:
             answers |= zip(some, self._scripts.run_each(moves), strict=True)
         return [_steered(job_id, steer, answers.get(job_id)) for job_id in job_ids]
 
-    def _owners(self, job_ids: list[str]) -> list[str | None]:
-        pipe = self._redis.pipeline(transaction=False)
-        for job_id in job_ids:
-            pipe.hget(keys.job(job_id, "sealed"), "owner")
-        found: list[str | None] = pipe.execute()
-        return found
-
     def _members(self, job_ids: list[str]) -> list[Member]:
         specs: dict[str, JobSpec] = {}
         members = []
         for start in range(0, len(job_ids), _AT_ONCE):
             some = job_ids[start : start + _AT_ONCE]
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id in some:
-                pipe.hmget(keys.job(job_id), _FIELDS)
-            for job_id, values in zip(some, pipe.execute(), strict=True):
-                if values[0] is None:  # forgotten a moment ago
+            found = records.fields_of(self._redis, some, _FIELDS)
+            for job_id, fields in zip(some, found, strict=True):
+                if fields[_FIELDS[0]] is None:  # forgotten a moment ago
                     continue
                 with records.leaving_out_unreadable(), records.reading(job_id):
-                    members.append(_member(job_id, dict(zip(_FIELDS, values, strict=True)), specs))
+                    members.append(_member(job_id, fields, specs))
         return members
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from plateau.farm.ledger.records import fields_of
 from plateau.farm.model.batch import SteeredJob
 from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
@@ -56,17 +57,14 @@ class Deletions:
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
             if not deleted:
                 job_ids += self._deleted_from(name)
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id in job_ids:
-                pipe.hget(keys.job(job_id), "state")
-                pipe.hget(keys.job(job_id, "sealed"), "owner")
-            answers = iter(pipe.execute())
+            states = fields_of(self._redis, job_ids, ("state",))
+            owners = fields_of(self._redis, job_ids, ("owner",), "sealed")
         if not job_ids:
             raise BatchNotFound(name)
         steered = []
-        for job_id, state, owner in zip(job_ids, answers, answers, strict=True):
-            done, why_not = False, "it belongs to another API key"
-            if may_touch(owner or ""):
+        for job_id, had, owned in zip(job_ids, states, owners, strict=True):
+            done, why_not, state = False, "it belongs to another API key", had["state"]
+            if may_touch(owned["owner"] or ""):
                 made = self._set(job_id, deleted=deleted)
                 done = made.outcome == "done"
                 gone = made.state == "missing"
@@ -87,7 +85,5 @@ class Deletions:
     def _deleted_from(self, batch: str) -> Sequence[str]:
         """The deleted jobs that were in the batch, by their number of creation."""
         job_ids = self._redis.zrange(keys.DELETED, 0, -1)
-        pipe = self._redis.pipeline(transaction=False)
-        for job_id in job_ids:
-            pipe.hget(keys.job(job_id), "batch")
-        return [job_id for job_id, had in zip(job_ids, pipe.execute(), strict=True) if had == batch]
+        found = fields_of(self._redis, job_ids, ("batch",))
+        return [job for job, had in zip(job_ids, found, strict=True) if had["batch"] == batch]

@@ -114,16 +114,16 @@ def _matching(
     wanted = {name: value for name, value in fields.items() if name != "owner"}
     asked = (*wanted, "party", *(("name", "spec") if words else ()))
     texts: dict[_Row, str] = {}
-    for row, had in zip(rows, _read(client, rows, asked), strict=True):
+    found = records.fields_of(client, (job_id for job_id, _ in rows), asked)
+    for row, had in zip(rows, found, strict=True):
         if all(had[name] == value for name, value in wanted.items()):
             text = _text(row[0], had, words)
             if had["party"] or _has(text, words):
                 texts[row] = text
     # Owners are read only where they decide.
     unsure = [row for row, text in texts.items() if "owner" in fields or not _has(text, words)]
-    owners = dict(
-        zip(unsure, _read(client, unsure, ("owner", "owner_name"), "sealed"), strict=True)
-    )
+    names, job_ids = ("owner", "owner_name"), (job_id for job_id, _ in unsure)
+    owners = dict(zip(unsure, records.fields_of(client, job_ids, names, "sealed"), strict=True))
     return [
         row
         for row, text in texts.items()
@@ -133,16 +133,6 @@ def _matching(
             and _has(f"{text}\n{owners[row]['owner_name'] or ''}".lower(), words)
         )
     ]
-
-
-def _read(
-    client: RedisClient, rows: list[_Row], names: Sequence[str], part: str = ""
-) -> list[dict[str, str | None]]:
-    """These fields of each job."""
-    pipe = client.pipeline(transaction=False)
-    for job_id, _ in rows:
-        pipe.hmget(keys.job(job_id, part), names)
-    return [dict(zip(names, values, strict=True)) for values in pipe.execute()]
 
 
 def _has(text: str, words: Sequence[str]) -> bool:

@@ -3,7 +3,7 @@
 import json
 import logging
 import secrets
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain, count
@@ -21,10 +21,20 @@ from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import EndedBy, JobState, outcome
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import Pipeline
+from plateau.farm.redis.client import Pipeline, RedisClient
 from plateau.farm.redis.commands.jobs import NewJob
 
 _LOG = logging.getLogger(__name__)
+
+
+def fields_of(
+    client: RedisClient, job_ids: Iterable[str], names: Sequence[str], part: str = ""
+) -> list[dict[str, Any]]:
+    """These fields of each job, None for those that it lacks, as text; in one round trip."""
+    pipe = client.pipeline(transaction=False)
+    for job_id in job_ids:
+        pipe.hmget(keys.job(job_id, part), names)
+    return [dict(zip(names, values, strict=True)) for values in pipe.execute()]
 
 
 def curve_point(text: str, at: str) -> CurvePoint:

@@ -61,13 +61,10 @@ def _jobs(
             rows = client.zrevrangebyscore(
                 keys.JOBS, before, "-inf", start=0, num=_AT_ONCE, withscores=True
             )
-            pipe = client.pipeline(transaction=False)
-            for job_id, _ in rows:
-                pipe.hmget(keys.job(job_id), _FIELDS)
-                pipe.hmget(keys.job(job_id, "sealed"), ("owner", "owner_name"))
-            answers = iter(pipe.execute())
-        for (job_id, _), values, owner in zip(rows, answers, answers, strict=True):
-            fields = dict(zip(_FIELDS, values, strict=True))
+            job_ids = [job_id for job_id, _ in rows]
+            found = records.fields_of(client, job_ids, _FIELDS)
+            owners = records.fields_of(client, job_ids, ("owner", "owner_name"), "sealed")
+        for job_id, fields, owner in zip(job_ids, found, owners, strict=True):
             if fields["name"] is None:  # forgotten a moment ago
                 continue
             with records.leaving_out_unreadable(), records.reading(job_id):
@@ -85,13 +82,13 @@ def _spent(
     by: Grouping,
     job_id: str,
     fields: Mapping[str, str | None],
-    owner: list[str | None],
+    owner: Mapping[str, str | None],
     created_at: datetime,
 ) -> UsageRow:
     key, name = {
         "job": (job_id, fields["name"]),
         "batch": (fields["batch"], ""),
-        "owner": (owner[0], owner[1]),
+        "owner": (owner["owner"], owner["owner_name"]),
         "week": ("{}-W{:02}".format(*created_at.isocalendar()), ""),
     }[by]
     return UsageRow(

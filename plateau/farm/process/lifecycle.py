@@ -41,6 +41,11 @@ def process_id() -> str:
     return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
 
 
+def how_ended(status: int) -> str:
+    """In words, how a process with this return code ended."""
+    return f"was ended by {signal.Signals(-status).name}" if status < 0 else f"exited with {status}"
+
+
 def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
     """A ``preexec_fn``: the kernel sends the child this signal when its parent is gone.
 

@@ -7,6 +7,7 @@ A job that another one continues stays as long as that one, which may depend on 
 stay until the other job has its own, or has dropped these, too.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
@@ -14,6 +15,7 @@ from typing import Final
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.ledger.records import fields_of
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
@@ -102,15 +104,12 @@ class FinishedJobs:
         """The finished jobs that were deleted this long ago, newest first."""
         before = now_ms(self._redis) - older_than_ms
         job_ids = self._redis.zrevrange(keys.DELETED, 0, -1)
-        pipe = self._redis.pipeline(transaction=False)
-        for job_id in job_ids:
-            pipe.hget(keys.job(job_id, "sealed"), "deleted_at")
-            pipe.hget(keys.job(job_id), "finished_at")
-        answers = iter(pipe.execute())
+        deleted = fields_of(self._redis, job_ids, ("deleted_at",), "sealed")
+        ended = fields_of(self._redis, job_ids, ("finished_at",))
         return [
             job_id
-            for job_id, at, finished_at in zip(job_ids, answers, answers, strict=True)
-            if at is not None and int(float(at)) <= before and finished_at is not None
+            for job_id, at, end in zip(job_ids, deleted, ended, strict=True)
+            if float(at["deleted_at"] or math.inf) <= before and end["finished_at"] is not None
         ]
 
 
@@ -119,7 +118,5 @@ def field_of_all(client: RedisClient, field: str) -> Iterator[tuple[str, str | N
     ids = client.zrange(keys.JOBS, 0, -1)
     for start in range(0, len(ids), _PAGE):
         page = ids[start : start + _PAGE]
-        pipe = client.pipeline(transaction=False)
-        for job_id in page:
-            pipe.hget(keys.job(job_id), field)
-        yield from zip(page, pipe.execute(), strict=True)
+        found = fields_of(client, page, (field,))
+        yield from ((job_id, had[field]) for job_id, had in zip(page, found, strict=True))

@@ -100,18 +100,7 @@ def rules_view() -> Rules:
                 by_quality=rule.by_quality,
                 is_error=rule.is_error,
                 parameters=[
-                    ParameterView(
-                        name=name,
-                        label=one.label,
-                        unit=one.unit,
-                        help=one.help,
-                        default=one.default,
-                        least=one.least,
-                        most=one.most,
-                        whole=one.is_whole,
-                        scale=one.scale,
-                        role=one.role,
-                    )
+                    ParameterView(name=name, whole=one.is_whole, **vars(one))
                     for name, one in rule.parameters().items()
                 ],
             )

@@ -4,7 +4,6 @@ import contextlib
 import logging
 import os
 import selectors
-import signal
 import tempfile
 import threading
 import time
@@ -22,6 +21,7 @@ from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.slices.zones import Zone, pixels_of
+from plateau.farm.process.lifecycle import how_ended
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.causes import first_and_last_words, without_folders
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
@@ -286,7 +286,7 @@ class RenderChild:
         except OSError:
             chunk = b""
         if not chunk:
-            how, words = _how(self._child.wait()), self._last_words()
+            how, words = how_ended(self._child.wait()), self._last_words()
             self.kill()  # its group may live on
             raise ChildDied(f"the render process {how} while {doing}{words}")
         self._received += chunk
@@ -299,10 +299,3 @@ class RenderChild:
     def _told(self, words: str) -> str:
         """Return what the child said, without this machine's folders."""
         return without_folders(words, filter(None, (self._folder, self._home)))
-
-
-def _how(status: int) -> str:
-    """Return in words how a process with this return code ended."""
-    if status >= 0:
-        return f"exited with {status}"
-    return f"was ended by {signal.Signals(-status).name}"

@@ -23,7 +23,7 @@ from typing import Any
 
 from plateau.farm.model import renderers
 from plateau.farm.model.renderers import MITSUBA, VariantFacts, renderer_of, variant_named
-from plateau.farm.process.lifecycle import die_with_parent
+from plateau.farm.process.lifecycle import die_with_parent, how_ended
 from plateau.farm.process.scratch import scratch
 from plateau.worker.renderers.program import program_of
 from plateau.worker.supervisor import gpus, identity, needed_libraries
@@ -250,14 +250,10 @@ def _described(one: Probe) -> str:
 
 def _last_words(done: subprocess.CompletedProcess[str]) -> str:
     """Return how a probe ended, with the line that has the cause, or else its last line."""
-    if done.returncode < 0:
-        how = f"{_ENDED_BY} {signal.Signals(-done.returncode).name}"
-    else:
-        how = f"exited with {done.returncode}"
     lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
     telling = (line for line in lines if any(mark in line for mark in _CAUSES))
     said = next(telling, lines[-1] if lines else "nothing")
-    return f"{how}, saying {said[:300]}"
+    return f"{how_ended(done.returncode)}, saying {said[:300]}"
 
 
 def _known(memory: identity.Memory) -> tuple[Probe, ...] | None:

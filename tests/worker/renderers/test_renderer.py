@@ -121,6 +121,51 @@ class TestPurity:
             film(x="left", fov=60)
         assert np.array_equal(film(x=0.5)[1], moved)
 
+    def test_changed_colours_and_lights_change_no_bit_and_load_no_scene(self, mitsuba, tmp_path):
+        rgb = '<{} type="{}"><rgb name="{}" value="${}"/></{}>'
+        of_bsdfs = {
+            "diffuse": "reflectance",
+            "plastic": "diffuse_reflectance",
+            "roughplastic": "diffuse_reflectance",
+            "conductor": "specular_reflectance",
+            "principled": "base_color",
+        }
+        bsdfs = [rgb.format("bsdf", *one, "colour", "bsdf") for one in of_bsdfs.items()]
+        bsdfs += [
+            f'<bsdf type="{one}"><float name="{name}" value="$rough"/></bsdf>'
+            for one, name in (("roughconductor", "alpha"), ("principled", "roughness"))
+        ]
+        spheres = "".join(
+            f'<shape type="sphere"><point name="center" x="{2 * x - 6}" y="0" z="16"/>{one}</shape>'
+            for x, one in enumerate(bsdfs)
+        )
+        lights = "".join(
+            rgb.format("emitter", one, name, "light", "emitter")
+            for one, name in (("directional", "irradiance"), ("point", "intensity"))
+        )
+        defaults = (("colour", "0.2, 0.5, 0.3"), ("rough", "0.2"), ("light", "3"))
+        declared = "".join(f'<default name="{one}" value="{value}"/>' for one, value in defaults)
+        scene = _scene(
+            tmp_path,
+            ("<integrator", f"{declared}<integrator"),
+            ("</scene>", f"{spheres}{lights}</scene>"),
+        )
+
+        def film(**parameters: str) -> tuple[int, np.ndarray]:
+            mitsuba.load(scene, **parameters)
+            return mitsuba.call(mitsuba_process.scene_in_use), mitsuba.render_pass(4, 1)
+
+        other = {"colour": "0, 0.9, 1", "rough": "0.7", "light": "0, 5, 1"}
+        alone = film(**other)
+        film(width="32")
+        first, (kept, changed) = film(), film(**other)
+        assert kept == first[0]
+        assert np.array_equal(changed, alone[1])
+        assert not np.array_equal(changed, first[1])
+        with pytest.raises(SceneError, match="reflectance"):
+            film(colour="2, 0, 0")
+        assert np.array_equal(film()[1], first[1])
+
     @pytest.mark.parametrize(
         ("threads", "scene"), [(1, "oculist"), (9, "oculist"), *rare((1, "bar"), (3, "plants"))]
     )

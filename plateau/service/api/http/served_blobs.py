@@ -24,16 +24,21 @@ SPP: Final = "Plateau-Spp"
 
 def described(media_type: str, *kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
     """The OpenAPI ``responses`` of a route that serves a blob of a job."""
-    names = ("ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP)
-    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {
+        **file_of(media_type, "ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP),
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB, problems.SPOILED_FILE, *kinds),
+    }
+
+
+def file_of(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:
+    """The OpenAPI ``responses`` of a route that serves a file with these headers."""
     return {
         200: {
             "description": "the file's bytes",
-            "content": {media_type: binary},
-            "headers": {name: {"schema": {"type": "string"}} for name in names},
-        },
-        **NOT_MODIFIED,
-        **documented(problems.UNKNOWN_JOB, problems.SPOILED_FILE, *kinds),
+            "content": {media_type: {"schema": {"type": "string", "format": "binary"}}},
+            "headers": {name: {"schema": {"type": "string"}} for name in headers},
+        }
     }
 
 

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Final
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -150,26 +151,22 @@ def _totals(census: Census) -> Iterator[Metric]:
     )
 
 
-def _gauge(
-    name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
+def _family(
+    kind: type[GaugeMetricFamily | CounterMetricFamily],
+    name: str,
+    help_text: str,
+    value: float | Mapping[str, float],
+    label: str = "",
 ) -> Metric:
-    """A gauge: one value, or one for each value of a label."""
-    return _filled(GaugeMetricFamily(name, help_text, labels=(label,) if label else ()), value)
-
-
-def _counter(
-    name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
-) -> Metric:
-    """A counter, its name with ``_total``: one value, or one for each value of a label."""
-    return _filled(CounterMetricFamily(name, help_text, labels=(label,) if label else ()), value)
-
-
-def _filled(
-    family: GaugeMetricFamily | CounterMetricFamily, value: float | Mapping[str, float]
-) -> Metric:
+    """Gauges or counters: one value, or one for each value of a label."""
+    family = kind(name, help_text, labels=(label,) if label else ())
     if not isinstance(value, Mapping):
         family.add_metric((), value)
         return family
     for name, number in value.items():
         family.add_metric((name,), number)
     return family
+
+
+_gauge = partial(_family, GaugeMetricFamily)
+_counter = partial(_family, CounterMetricFamily)

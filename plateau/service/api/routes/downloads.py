@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from itertools import chain
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
@@ -10,10 +10,11 @@ from pydantic.json_schema import SkipJsonSchema
 
 from plateau.farm.model.job import Job
 from plateau.farm.wire import examples
+from plateau.service.api.http.served_blobs import file_of
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
-from plateau.service.api.problems.problem import Problem, ProblemType
+from plateau.service.api.problems.problem import Problem
 from plateau.service.api.results.job_files import JobFiles
 from plateau.service.api.results.zip_stream import ZipEntry, zipped
 from plateau.service.api.routes.jobs import JobId
@@ -21,6 +22,7 @@ from plateau.service.api.routes.jobs import JobId
 router = APIRouter(prefix="/v1", tags=["results"])
 
 _ZIP: Final = "application/zip"
+_FILE: Final = file_of(_ZIP, "Cache-Control", "Content-Disposition")
 #: Jobs of one request, which a URL can name.
 _MOST_JOBS: Final = 200
 
@@ -29,25 +31,10 @@ class _ZipResponse(StreamingResponse):
     media_type = _ZIP
 
 
-def _described(*kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
-    binary = {"schema": {"type": "string", "format": "binary"}}
-    return {
-        200: {
-            "description": "the zip",
-            "content": {_ZIP: binary},
-            "headers": {
-                name: {"schema": {"type": "string"}}
-                for name in ("Cache-Control", "Content-Disposition")
-            },
-        },
-        **documented(*kinds),
-    }
-
-
 @router.get(
     "/jobs/{job_id}/results.zip",
     response_class=_ZipResponse,
-    responses=_described(problems.UNKNOWN_JOB),
+    responses={**_FILE, **documented(problems.UNKNOWN_JOB)},
 )
 def get_results_zip(job_id: JobId, farm: Farm) -> Response:
     """Fetch everything that a job has come to as one zip: images, maps, previews, curve.
@@ -63,7 +50,10 @@ def get_results_zip(job_id: JobId, farm: Farm) -> Response:
 @router.get(
     "/results.zip",
     response_class=_ZipResponse,
-    responses=_described(problems.UNKNOWN_JOB, problems.UNKNOWN_BATCH, problems.INVALID_REQUEST),
+    responses={
+        **_FILE,
+        **documented(problems.UNKNOWN_JOB, problems.UNKNOWN_BATCH, problems.INVALID_REQUEST),
+    },
 )
 def get_results_of_jobs(
     farm: Farm,

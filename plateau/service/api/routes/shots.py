@@ -10,9 +10,15 @@ from fastapi.responses import StreamingResponse
 from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.shots import ShotRecord, by_frame
 from plateau.farm.wire.shot_views import ShotView, shot_view
-from plateau.service.api.http.etags import REVALIDATE, IfNoneMatch, not_modified, strong
+from plateau.service.api.http.etags import (
+    NOT_MODIFIED,
+    REVALIDATE,
+    IfNoneMatch,
+    not_modified,
+    strong,
+)
 from plateau.service.api.http.parameters import BatchName
-from plateau.service.api.http.served_blobs import PNG, blob_response
+from plateau.service.api.http.served_blobs import PNG, blob_response, file_of
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
@@ -27,12 +33,8 @@ _MOST_PIXELS: Final = 64_000_000
 
 _PROBLEMS: Final = (problems.UNKNOWN_BATCH, problems.NO_SHOT)
 _PICTURE: Final[dict[int | str, dict[str, Any]]] = {
-    200: {
-        "description": "the file's bytes",
-        "content": {PNG: {"schema": {"type": "string", "format": "binary"}}},
-        "headers": {name: {"schema": {"type": "string"}} for name in ("ETag", "Cache-Control")},
-    },
-    304: {"description": "`If-None-Match` names the file that would be sent"},
+    **file_of(PNG, "ETag", "Cache-Control"),
+    **NOT_MODIFIED,
     **documented(*_PROBLEMS, problems.NO_IMAGE_YET, problems.SPOILED_FILE),
 }
 

@@ -16,7 +16,8 @@ from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
 from plateau.worker.renderers.mitsuba.kernel import Kernel
-from plateau.worker.renderers.mitsuba.scene_prep import moved, prepare, scene_errors, with_aovs
+from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
+from plateau.worker.renderers.mitsuba.scene_update import updated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -65,7 +66,7 @@ class Renderer:
         # A scene may take minutes to load, and the frames of a sequence differ little.
         before, self._request = self._request, None
         if self._prepared is not None and _differ_in_parameters_alone(before, request):
-            one = moved(self._variant, self._prepared, request)
+            one = updated(self._variant, self._prepared, request)
             if one is not None:
                 self._prepared, self._request = one, request
                 return self._loaded(one)

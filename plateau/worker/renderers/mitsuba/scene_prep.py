@@ -54,10 +54,6 @@ _OUT_OF_MEMORY: Final = "std::bad_alloc"
 _MOST_LOG_BYTES: Final = 2**24
 _MOST_WARNINGS: Final = 5
 
-#: Cameras whose place can be changed, and the name that it has.
-_MOVABLE: Final = ("perspective", "thinlens")
-_PLACE: Final = "to_world"
-
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
 
@@ -120,13 +116,17 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     _build_hierarchies_alone()
     with _log() as said, scene_errors(folder), _threads(request.threads):
         config, state = _parsed(variant, request)
+        nodes = state.nodes
         try:
             mi.parser.transform_all(config, state)
-            nodes = _nodes(variant, request)  # Mitsuba uses up those that it instantiates
+            nodes = parsed_nodes(variant, request)  # Mitsuba uses up those that it instantiates
+            for index, node in enumerate(state.nodes):
+                if node.type in (mi.ObjectType.Sensor, mi.ObjectType.BSDF, mi.ObjectType.Emitter):
+                    node.props.set_id(id_of(index, node))
             notes = adapt(variant, list(state.nodes))
             scene = mi.parser.instantiate(config, state)
         except RuntimeError as error:
-            raise RuntimeError(_explained(str(error), state)) from error
+            raise RuntimeError(_explained(str(error), state, nodes)) from error
         warned = warnings_in(without_folders(said(), [folder]))[:_MOST_WARNINGS]
     notes = (*notes, *(f"Mitsuba warns: {first_words(one)}" for one in warned))
     return replace(_check(variant, scene, request, notes), nodes=nodes)
@@ -142,48 +142,16 @@ def _parsed(variant: str, request: Load) -> tuple[Any, Any]:
     return config, mi.parser.parse_file(config, file, **request.parameters)
 
 
-def _nodes(variant: str, request: Load) -> Any:
-    """Return the nodes of a parsed scene, in their order."""
+def parsed_nodes(variant: str, request: Load) -> Any:
+    """Return the nodes of a parsed scene, in their order; raises what Mitsuba raises."""
     config, state = _parsed(variant, request)
     mi.parser.transform_all(config, state)
     return state.nodes
 
 
-def moved(variant: str, one: PreparedScene, request: Load) -> PreparedScene | None:
-    """Return the scene of another request, if they differ in where their camera is alone.
-
-    The scene is changed, and is then to the bit what `prepare` would make of the request. What was
-    recorded of it holds: the place of a camera is no part of a kernel.
-    """
-    with scene_errors(Path(request.folder)):
-        nodes = _nodes(variant, request)
-        if len(nodes) != len(one.nodes):
-            return None
-        changed = [pair for pair in zip(one.nodes, nodes, strict=True) if pair[0] != pair[1]]
-        if len(changed) != 1 or not _is_moved(*changed[0]):
-            return None
-        if sum(node.type == mi.ObjectType.Sensor for node in nodes) > 1:
-            return None
-        # Mitsuba says what the place is to the bit, and refuses one with a scale.
-        like = {"type": "perspective", "fov": 45.0, _PLACE: changed[0][1].props[_PLACE]}
-        camera = mi.traverse(one.sensor)
-        camera[_PLACE] = mi.traverse(mi.load_dict(like, parallel=False))[_PLACE]
-        camera.update()
-    return replace(one, nodes=nodes)
-
-
-def _is_moved(had: Any, has: Any) -> bool:
-    """Whether a node is a camera that differs in its place alone."""
-    if had.type != mi.ObjectType.Sensor or has.props.plugin_name() not in _MOVABLE:
-        return False
-    names = set(had.props.keys())
-    others = names - {_PLACE}
-    return (
-        had.props.plugin_name() == has.props.plugin_name()
-        and names == set(has.props.keys())
-        and _PLACE in names
-        and all(had.props[name] == has.props[name] for name in others)
-    )
+def id_of(index: int, node: Any) -> str:
+    """Return the id by which the object of a parsed node is found in the scene."""
+    return node.props.id() or f"node {index}"
 
 
 def with_aovs(variant: str, one: PreparedScene, request: Load) -> PreparedScene:
@@ -248,9 +216,9 @@ def _log() -> Iterator[Callable[[], str]]:
         print(left, end="", flush=True)
 
 
-def _explained(message: str, state: Any) -> str:
+def _explained(message: str, state: Any, nodes: Sequence[Any]) -> str:
     """Return an error of Mitsuba's with what it does not say: the node, its file, what to do."""
-    nodes = list(state.nodes)
+    nodes = list(nodes)
     for index, node in enumerate(nodes[1:], 1):
         place = mi.parser.file_location(state, node)
         if place in message:
