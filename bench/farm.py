@@ -97,7 +97,9 @@ _QUICK = Effort(pairs=1, seconds=10, step=50, rounds=2)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", nargs="+", choices=NAMES, default=NAMES)
+    parser.add_argument(
+        "--scenes", nargs="+", default=NAMES, help="of Plateau's, or folders with a scene.xml"
+    )
     parser.add_argument(
         "--sizes", nargs="+", type=Size.of, metavar="WIDTHxHEIGHT", help="default: four sizes"
     )
@@ -114,9 +116,8 @@ def main() -> None:
     about = {"variant": choice.variant, "workers": 1, "threads": threads}
     for width, height in sizes:
         for scene in options.scenes:
-            case = Case(
-                scene=FOLDER / scene, width=width, height=height, choice=choice, threads=threads
-            )
+            folder = FOLDER / scene if scene in NAMES else Path(scene).resolve()
+            case = Case(scene=folder, width=width, height=height, choice=choice, threads=threads)
             write_report(
                 "farm-quick" if options.quick else "farm",
                 {
