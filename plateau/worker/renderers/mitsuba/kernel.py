@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 import drjit as dr
 import mitsuba as mi
 
+from plateau.worker.renderers.mitsuba.mitsuba_words import scene_errors
 from plateau.worker.renderers.mitsuba.pass_film import PassFilm
-from plateau.worker.renderers.mitsuba.scene_prep import scene_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -16,7 +16,8 @@ from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
 from plateau.worker.renderers.mitsuba.kernel import Kernel
-from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
+from plateau.worker.renderers.mitsuba.mitsuba_words import scene_errors
+from plateau.worker.renderers.mitsuba.scene_prep import prepare, with_aovs
 from plateau.worker.renderers.mitsuba.scene_update import updated
 
 if TYPE_CHECKING:
