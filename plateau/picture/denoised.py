@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from plateau.farm.images.exr import Pixels
     from plateau.farm.model.spec import JobSpec
-    from plateau.picture.merge import Merge
+    from plateau.picture.merged_image import MergedImage
 
 
 #: Arrays by name, as they go to another process or into a blob.
@@ -39,7 +39,7 @@ class DenoisingTask:
     transform: ViewTransform | None = None  #: through which the image is seen
 
     @classmethod
-    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool) -> DenoisingTask:
+    def of(cls, merge: MergedImage, spec: JobSpec, *, is_point: bool) -> DenoisingTask:
         """Return the task for a merged image of two slices or more.
 
         `is_point` says whether it is a point of the curve, by zones the end of a round.

@@ -6,7 +6,7 @@ from typing import Any, Final
 from plateau.farm.model import versions
 from plateau.farm.model.job import Job, utc_now
 from plateau.picture.denoised import Denoised
-from plateau.picture.merge import Merge
+from plateau.picture.merged_image import MergedImage
 
 #: By name, without ``plateau:``.
 Facts = Mapping[str, str | int]
@@ -16,7 +16,7 @@ _CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
 def facts_of(
-    job: Job, merge: Merge, state: str, reason: str, denoised: Denoised | None = None
+    job: Job, merge: MergedImage, state: str, reason: str, denoised: Denoised | None = None
 ) -> Facts:
     """Return what is known of a merged image at this time.
 

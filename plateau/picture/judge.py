@@ -28,7 +28,7 @@ from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
 from plateau.metric.rows import beside
 from plateau.picture.allotment import Allotment, allotment
 from plateau.picture.denoised import Denoised
-from plateau.picture.merge import Merge
+from plateau.picture.merged_image import MergedImage
 from plateau.picture.point import of_curve, of_denoising, of_estimate, of_merge, of_rule
 from plateau.picture.result_files import NoiseMaps, flaw_of
 from plateau.rules import CURVE, NOISE
@@ -95,7 +95,7 @@ class Judge:
                 self._rules[name] = create_rule(name)
 
     def judge(
-        self, merge: Merge, plan: Plan | None = None, *, denoised: Denoised | None = None
+        self, merge: MergedImage, plan: Plan | None = None, *, denoised: Denoised | None = None
     ) -> Judgement:
         """Evaluate every rule on the image; to be called once a point, by rising spp.
 
@@ -143,7 +143,7 @@ class Judge:
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
 
     def _allotted(
-        self, evidence: Evidence, merge: Merge, plan: Plan | None, denoised: Denoised | None
+        self, evidence: Evidence, merge: MergedImage, plan: Plan | None, denoised: Denoised | None
     ) -> Future[Allotment] | None:
         """Begin to choose the zones of a round; None where the image chooses none."""
         chosen_by = _by_other_halves(evidence, merge, denoised)
@@ -169,7 +169,7 @@ class Judge:
         own = {name: self._rules[name].judge(evidence) for name in by_quality}
         return own | others.result()
 
-    def _evidence(self, merge: Merge) -> Evidence:
+    def _evidence(self, merge: MergedImage) -> Evidence:
         image = merge.image()
         return Evidence(
             spp=merge.spp,
@@ -204,7 +204,9 @@ class Judge:
             verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
         )
 
-    def visible_map(self, merge: Merge, blend: Blend | None = None) -> NDArray[np.bool_] | None:
+    def visible_map(
+        self, merge: MergedImage, blend: Blend | None = None
+    ) -> NDArray[np.bool_] | None:
         """Return where the image differs visibly from the first image of the curve.
 
         It is the merged image, or its blend with its denoised self.
@@ -219,7 +221,7 @@ class Judge:
         difference = self._metric.compare(self._metric.percept(first), evidence.percept)
         return difference.visible & evidence.finite if difference.non_finite else difference.visible
 
-    def noise_maps(self, merge: Merge, denoised: Denoised | None = None) -> NoiseMaps:
+    def noise_maps(self, merge: MergedImage, denoised: Denoised | None = None) -> NoiseMaps:
         """Return where noise is left to see in the merged image, or in the image denoised."""
         if self._noise_maps is None or self._noise_maps[0] != merge.spp:
             evidence = self._evidence(merge)
@@ -264,7 +266,7 @@ def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
 
 
 def _by_other_halves(
-    evidence: Evidence, merge: Merge, denoised: Denoised | None
+    evidence: Evidence, merge: MergedImage, denoised: Denoised | None
 ) -> Evidence | None:
     """Return the evidence by which zones are chosen; None of whole frames, and without halves."""
     if merge.zone_spp is None:

@@ -1,10 +1,10 @@
 """The fields of a point of the curve, as `plateau.farm.model.job.CurvePoint` has them."""
 
 from plateau.metric import Estimate, Evidence, Verdict
-from plateau.picture.merge import Merge
+from plateau.picture.merged_image import MergedImage
 
 
-def of_merge(merge: Merge) -> dict[str, object]:
+def of_merge(merge: MergedImage) -> dict[str, object]:
     """Return how many samples there are."""
     spp = merge.spp_range
     zones = {} if spp is None else {"spp_min": spp[0], "spp_max": spp[1]}

@@ -24,7 +24,7 @@ from plateau.metric import (
 )
 from plateau.picture.denoised import layers_of
 from plateau.picture.facts import Facts, exr_header, png_texts
-from plateau.picture.merge import Merge
+from plateau.picture.merged_image import MergedImage
 
 #: The most pixels of a thumbnail's longer side.
 LONGEST: Final = 192
@@ -45,7 +45,7 @@ class NoiseMaps(NamedTuple):
 
 
 def result_files(
-    merge: Merge,
+    merge: MergedImage,
     visible: Mask | None,
     noise: NoiseMaps,
     facts: Facts,
@@ -108,7 +108,7 @@ def result_files(
     return files
 
 
-def _blended_layers(merge: Merge, blend: Blend) -> dict[str, Pixels]:
+def _blended_layers(merge: MergedImage, blend: Blend) -> dict[str, Pixels]:
     layers = merge.layers()
     raw = np.stack([layers[name] for name in "RGB"], axis=-1)
     with np.errstate(invalid="ignore"):  # a scene may have infinite pixels

@@ -8,7 +8,7 @@ from plateau.farm.process.child import NoAnswer
 from plateau.picture.denoised import Denoised, DenoisingTask
 from plateau.picture.denoising import oidn
 from plateau.picture.denoising.process import Denoising, TooLarge
-from plateau.picture.merge import Merge
+from plateau.picture.merged_image import MergedImage
 from plateau.service.monitor.known import Known
 
 _LOG = logging.getLogger(__name__)
@@ -32,12 +32,12 @@ class JobImage:
         self._last: tuple[int, Denoised | None] = 0, None  # and of how many slices
         self._failures = 0  # one after the other
 
-    def of(self, merge: Merge) -> Denoised | None:
+    def of(self, merge: MergedImage) -> Denoised | None:
         """Return the merged image denoised, if it is."""
         slices, denoised = self._last
         return denoised if slices == merge.slices else None
 
-    def denoise(self, merge: Merge, known: Known) -> bool:
+    def denoise(self, merge: MergedImage, known: Known) -> bool:
         """Return whether the merged image is denoised; have it denoised unless it is by now.
 
         An ended job whose image cannot be denoised has it as it is.
