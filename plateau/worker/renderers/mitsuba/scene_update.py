@@ -64,6 +64,8 @@ def updated(variant: str, one: PreparedScene, request: Load) -> PreparedScene | 
             for index, (had, has) in enumerate(zip(one.nodes, nodes, strict=True))
             if had != has
         }
+        if not changes:  # the same request: its files may have changed
+            return None
         objects = {each.id(): each for each in mi.traverse(one.scene).hierarchy}
         for id_, values in changes.items():
             if id_ not in objects:
