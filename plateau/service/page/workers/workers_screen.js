@@ -25,12 +25,15 @@ export function open(main, { signal }) {
   const names = new Map();
   const rows = new KeyedList(list, (/** @type {Api.Worker} */ worker) => new WorkerRow(worker, names, refresh));
 
+  let asked = 0;
   async function refresh() {
+    const number = asked += 1;
     /** @type {Api.Workers} */
     const { workers } = await get("/v1/workers", signal);
     const named = workers.flatMap(({ job, left_out_of: left }) => [...(job ? [job] : []), ...left]);
     const unknown = new Set(named.filter((id) => !names.has(id)));
     await Promise.all([...unknown].map(async (id) => names.set(id, (await get(`/v1/jobs/${id}`, signal).catch(() => null))?.name ?? id)));
+    if (number !== asked) return; // a later question has the newer answer
     workers.sort((a, b) => a.id.localeCompare(b.id));
     rows.show(workers, ({ id }) => id);
     const busy = workers.filter(({ job }) => job).length;
