@@ -28,8 +28,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
             "PLATEAU_LEASE_S": "2",
         }
         data = str(disk.folder / "data")
-        up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
-        try:
+        with Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings) as up:
             with Client(up.wait_for(READY)) as client:
                 job = client.submit(BOX, JobSpec.model_validate(FRAMES | BRIEF)).id
                 until(lambda: client.job(job).points >= 3, 120)
@@ -47,5 +46,3 @@ def test_redis_stops_and_goes_on_when_there_is_room(
             up.process.terminate()
             assert up.exit_code() == 0
             up.is_gone()
-        finally:
-            up.end()
