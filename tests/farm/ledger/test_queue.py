@@ -189,10 +189,10 @@ def test_overlapping_seeds_are_refused(farm: LedgerFarm) -> None:
     farm.job()
     worker = farm.worker("w")
     first, second = lease(worker), lease(worker)
-    assert commit(worker, first, first_seed=10) == "committed"
-    assert commit(worker, second, first_seed=8) == "overlap"
-    assert commit(worker, second, first_seed=12) == "overlap"
-    assert commit(worker, second, first_seed=13) == "committed"
+    assert commit(worker, first, seeds=(10, 12)) == "committed"
+    assert commit(worker, second, seeds=(8, 10)) == "overlap"
+    assert commit(worker, second, seeds=(12, 14)) == "overlap"
+    assert commit(worker, second, seeds=(13, 15)) == "committed"
 
 
 def test_cancelling_withdraws_everything_at_once(farm: LedgerFarm) -> None:

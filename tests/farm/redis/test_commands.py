@@ -11,7 +11,7 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.ledger.queue import SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import commands
@@ -19,6 +19,7 @@ from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.owners import Renew
 from plateau.farm.redis.commands.scenes import RememberScene
 from plateau.farm.redis.scripts import Scripts
+from tests.support.farms.ledger_farm import record_of
 from tests.support.redis.redis_commands import commands as lua_commands
 
 #: Numbers of which fewer digits would be others.
@@ -51,16 +52,9 @@ def test_a_slice_comes_back_to_the_bit(client: redis.Redis) -> None:
     for index, number in enumerate(EXACT):
         lease = queue.lease(("scalar_rgb",), None, in_turn=False)
         assert lease is not None
-        record = SliceRecord(
-            index=index,
-            spp=25,
-            first_seed=2**32 - 10 * (index + 1),
-            last_seed=2**32 - 10 * index - 1,
-            blob=f"partial {index} {WORDS}",
-            sha256="ab" * 32,
-            worker="w",
-            render_s=number,
-        )
+        seeds = (2**32 - 10 * (index + 1), 2**32 - 10 * index - 1)
+        blob = f"partial {index} {WORDS}"
+        record = record_of(lease, seeds, blob=blob, sha256="ab" * 32, render_s=number)
         records.append(record)
         done = queue.commit(lease, record, width=8, height=4, notes=(WORDS,), said=WORDS)
         assert done == "committed"

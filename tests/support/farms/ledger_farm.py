@@ -56,14 +56,14 @@ def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = Fals
     return found
 
 
-def record_of(held: Lease, *, first_seed: int | None = None, **other: object) -> SliceRecord:
-    """What a worker commits of the slice."""
-    first = 10 * held.index if first_seed is None else first_seed
+def record_of(held: Lease, seeds: tuple[int, int] | None = None, **other: object) -> SliceRecord:
+    """What a worker commits of the slice: of these seeds, both ends included, if it matters."""
+    first, last = seeds or (10 * held.index, 10 * held.index + 2)
     known = {
         "index": held.index,
         "spp": held.spec.slice_spp,
         "first_seed": first,
-        "last_seed": first + 2,
+        "last_seed": last,
         "blob": f"partial-{held.index}",
         "sha256": "00",
         "worker": "w",

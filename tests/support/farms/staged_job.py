@@ -8,10 +8,11 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import EndedBy, JobState
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import record_of
 
 WIDTH, HEIGHT = 32, 24
 WORKER = "worker-1"
@@ -64,12 +65,9 @@ class StagedJob:
             queue = self._queue if own else SliceQueue(self._client, worker, lease_s=60)
             lease = self._lease(queue)
             schedule = lease.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
-            first_seed, last_seed = schedule.seed_range(lease.index)
-            record = SliceRecord(
-                index=lease.index,
-                spp=self.spec.slice_spp,
-                first_seed=first_seed,
-                last_seed=last_seed,
+            record = record_of(
+                lease,
+                schedule.seed_range(lease.index),
                 blob=self.slice_blob(lease.index),
                 sha256=hashlib.sha256(partial).hexdigest(),
                 worker=worker,

@@ -33,6 +33,7 @@ from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import record_of
 from tests.support.farms.receiver import SECRET
 
 WORKER, OTHER = "worker-1", "worker-2"
@@ -145,17 +146,8 @@ CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
 def commit(
     queue: SliceQueue, lease: Lease, blob: str = "a partial", seeds: tuple[int, int] | None = None
 ) -> str:
-    first, last = seeds or (lease.index * 10, lease.index * 10 + 9)
-    record = SliceRecord(
-        index=lease.index,
-        spp=lease.spec.slice_spp,
-        first_seed=first,
-        last_seed=last,
-        blob=blob,
-        sha256="ab" * 32,
-        worker=WORKER,
-        render_s=0.5,
-    )
+    seeds = seeds or (lease.index * 10, lease.index * 10 + 9)
+    record = record_of(lease, seeds, blob=blob, worker=WORKER)
     return queue.commit(lease, record, width=32, height=24, notes=(), said="words")
 
 
