@@ -10,7 +10,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease
+from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease, own
 
 
 @pytest.fixture
@@ -213,8 +213,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: LedgerFarm) -> None
     # Given a monitor whose ownership has run out, and another that took over
     job, old = farm.job()
     farm.client.delete(keys.job(job.id, "owner"))
-    new = farm.owners.acquire(job.id)
-    assert new is not None
+    new = own(farm.owners, job.id)
     assert new.token != old.token
     # Then the old one's writes are all refused
     for write in (

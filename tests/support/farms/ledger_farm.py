@@ -31,11 +31,9 @@ class LedgerFarm:
         made = self.jobs.create(
             JobSpec(**FRAMES | spec), name="box", scene_sha256="00", owner=owner
         )
-        job = made.job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, made.job.id)
         self.owners.plan(owned, range(slices))
-        return job, owned
+        return made.job, owned
 
     def runs_out(self, held: Lease) -> None:
         runs_out(self.client, held)
@@ -50,10 +48,29 @@ def runs_out(client: redis.Redis, held: Lease) -> None:
     client.zadd(keys.WORKERS, {at: 1}, xx=True)
 
 
-def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
-    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+def own(owners: Ownerships, job_id: str) -> Ownership:
+    """The job becomes this monitor's: it is no other's."""
+    owned = owners.acquire(job_id)
+    assert owned is not None
+    return owned
+
+
+def lease(
+    worker: SliceQueue,
+    loaded: str | None = None,
+    *,
+    in_turn: bool = False,
+    variants: tuple[str, ...] = VARIANTS,
+) -> Lease:
+    """The slice that the worker is given: there is one."""
+    found = worker.lease(variants, loaded, in_turn=in_turn)
     assert found is not None
     return found
+
+
+def lease_scalar(worker: SliceQueue) -> Lease:
+    """The slice that a worker without LLVM is given."""
+    return lease(worker, variants=("scalar_rgb",))
 
 
 def record_of(held: Lease, seeds: tuple[int, int] | None = None, **other: object) -> SliceRecord:

@@ -33,7 +33,7 @@ from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 from tests.support import FRAMES
-from tests.support.farms.ledger_farm import record_of
+from tests.support.farms.ledger_farm import lease_scalar, own, record_of
 from tests.support.farms.receiver import SECRET
 
 WORKER, OTHER = "worker-1", "worker-2"
@@ -77,10 +77,8 @@ class World:
         made = Jobs(self.direct).create(wanted, name="box.xml", scene_sha256="0" * 64)
         if owned:
             owners = Ownerships(self.direct, LEASE_S)
-            found = owners.acquire(made.job.id)
-            assert found is not None
-            self.owned: Ownership = found
-            owners.plan(found, range(slices))
+            self.owned = own(owners, made.job.id)
+            owners.plan(self.owned, range(slices))
         return made.job.id
 
     def leased(self, **spec: Any) -> Lease:
@@ -90,9 +88,7 @@ class World:
 
     def another(self) -> Lease:
         """The next slice that the worker has leased."""
-        lease = SliceQueue(self.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
-        assert lease is not None
-        return lease
+        return lease_scalar(SliceQueue(self.direct, WORKER, LEASE_S))
 
     def committed(self, **spec: Any) -> Lease:
         """A slice that was committed by the worker."""
