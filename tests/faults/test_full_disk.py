@@ -33,11 +33,11 @@ def test_redis_stops_and_goes_on_when_there_is_room(
                 job = client.submit(BOX, JobSpec.model_validate(FRAMES | BRIEF)).id
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
-                ballast = disk.fill()
+                disk.fill()
                 up.wait_for("Redis exited with 1; starting it again")
                 assert up.process.poll() is None
                 # When there is room
-                ballast.unlink()
+                disk.free()
                 # Then the job goes on to the same end
                 done = client.wait(job)
                 assert (done.state, done.spp) == (undisturbed.job.state, undisturbed.job.spp)

@@ -76,6 +76,10 @@ class LoopDisk:
             file.truncate(max(0, file.tell() - leaving))
         return ballast
 
+    def free(self) -> None:
+        """Give back the room that `fill` took."""
+        (self.folder / "ballast").unlink()
+
     def make_read_only(self) -> None:
         """Mount it anew so that nothing can be written, as soon as nothing is being written."""
         until(lambda: subprocess.call(["mount", "-o", "remount,ro", self.folder]) == 0)
