@@ -47,31 +47,30 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-class TestSlices:
-    def test_that_are_there_are_not_fetched_again(
-        self, farm: NoiseFarm, redis_url: str, tmp_path: Path
-    ) -> None:
-        job, other = job_with_slices(farm), job_with_slices(farm)
-        slices = tmp_path / "out" / "slices"
-        with live_api(redis_url, farm.store) as url, Client(url) as plateau:
-            write_results(plateau, plateau.job(job.id), tmp_path / "out")
-            fetched = content(slices)
-            assert fetched == {
-                f"{index:06d}.exr": farm.store.get(record["blob"])
-                for index, record in farm.jobs.ledger(job.id).items()
-            }
-            # Given one that is missing, one that is damaged, and one of another job
-            (slices / "000002.exr").unlink()
-            (slices / "000003.exr").write_bytes(fetched["000003.exr"][:-1])
-            plateau.download(other.id, "slices/4.exr", slices / "000004.exr")
-            assert (slices / "000004.exr").read_bytes() != fetched["000004.exr"]
-            before = {path.name: _stamp(path) for path in slices.iterdir()}
-            # When the job is fetched again
-            write_results(plateau, plateau.job(job.id), tmp_path / "out")
-        # Then these three are as they should be, and the others are the very same files
-        assert content(slices) == fetched
-        same = {path.name for path in slices.iterdir() if before.get(path.name) == _stamp(path)}
-        assert same == set(fetched) - {"000002.exr", "000003.exr", "000004.exr"}
+def test_slices_that_are_there_are_not_fetched_again(
+    farm: NoiseFarm, redis_url: str, tmp_path: Path
+) -> None:
+    job, other = job_with_slices(farm), job_with_slices(farm)
+    slices = tmp_path / "out" / "slices"
+    with live_api(redis_url, farm.store) as url, Client(url) as plateau:
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+        fetched = content(slices)
+        assert fetched == {
+            f"{index:06d}.exr": farm.store.get(record["blob"])
+            for index, record in farm.jobs.ledger(job.id).items()
+        }
+        # Given one that is missing, one that is damaged, and one of another job
+        (slices / "000002.exr").unlink()
+        (slices / "000003.exr").write_bytes(fetched["000003.exr"][:-1])
+        plateau.download(other.id, "slices/4.exr", slices / "000004.exr")
+        assert (slices / "000004.exr").read_bytes() != fetched["000004.exr"]
+        before = {path.name: _stamp(path) for path in slices.iterdir()}
+        # When the job is fetched again
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+    # Then these three are as they should be, and the others are the very same files
+    assert content(slices) == fetched
+    same = {path.name for path in slices.iterdir() if before.get(path.name) == _stamp(path)}
+    assert same == set(fetched) - {"000002.exr", "000003.exr", "000004.exr"}
 
 
 def _stamp(path: Path) -> tuple[int, int]:
