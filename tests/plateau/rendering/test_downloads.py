@@ -18,6 +18,7 @@ from plateau.rendering.outputs import write_results
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
+from tests.support.threads import working
 
 SLICES = 12
 #: Each connection has one answer: who sent a second request could meet its end.
@@ -130,14 +131,11 @@ def _always(answer: bytes) -> Iterator[str]:
                 connection.recv(65536)
                 connection.sendall(answer)
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.getsockname()[1]}"
-        finally:
-            server.shutdown(socket.SHUT_RDWR)
-            thread.join()
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        working(serve, lambda: server.shutdown(socket.SHUT_RDWR)),
+    ):
+        yield f"http://127.0.0.1:{server.getsockname()[1]}"
 
 
 def test_a_file_that_was_changed_on_its_way_is_not_kept(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ index, and a single pass of the analytic renderer.
 """
 
 import hashlib
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -32,6 +31,7 @@ from plateau.service.monitor.monitor import Monitor
 from plateau.worker.renderers.analytic.picture import Picture
 from tests.support import FRAMES
 from tests.support.farms.ledger_farm import record_of
+from tests.support.threads import working
 from tests.support.until import until
 
 SIZE = (24, 32)  # height, width
@@ -100,13 +100,8 @@ class NoiseFarm:
         """A monitor in a thread; left to itself at the end, as if it had been stopped."""
         stop = Stop()
         monitor = Monitor(self.settings, self.store)
-        thread = threading.Thread(target=monitor.run, args=(stop,))
-        thread.start()
-        try:
+        with working(lambda: monitor.run(stop), stop.set):
             yield monitor
-        finally:
-            stop.set()
-            thread.join()
 
     def picture(self, job: Job, name: str) -> bytes:
         return self.store.get(f"{self.jobs.results(job.id)}/{name}")
