@@ -61,16 +61,10 @@ def test_without_any_the_core_renders(core: str, tmp_path: Path) -> None:
     assert render.exit_code(60) == 1
     assert "it is of no known kind" in render.said
     (tmp_path / "checks.json").write_text(json.dumps({"analytic": 1, "width": 16, "height": 16}))
-    render = Command(
-        *("render", str(tmp_path / "checks.json"), "-o", str(tmp_path / "out")),
-        *("--rule", "fixed:spp=100", "--workers", "1", "--threads", "1"),
-        folder=tmp_path / "b",
-        PYTHONPATH=core,
-    )
-    try:
+    arguments = ("render", str(tmp_path / "checks.json"), "-o", str(tmp_path / "out"))
+    options = ("--rule", "fixed:spp=100", "--workers", "1", "--threads", "1")
+    with Command(*arguments, *options, folder=tmp_path / "b", PYTHONPATH=core) as render:
         assert render.exit_code(180) == 0, render.said
-    finally:
-        render.end()
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["spp"] == 100
 
 

@@ -70,14 +70,13 @@ class TestCyclesRule:
         assert CyclesThreshold(threshold=0.011).stops(100, image, with_one_pixel(image, 0.1301))
 
 
-class TestCyclesPixelByPixel:
-    def test_a_pixel_goes_on_with_its_neighbours_and_the_others_end(self) -> None:
-        rule = CyclesAdaptive()
-        first = film(0.5, 50, size=8)
-        first[0, 0] = [100, 100, 100, 50]
-        assert not rule.add(first, film(0.5, 50, size=8), 100)
-        # Later slices change none but itself, and three neighbours in a corner.
-        rule.add(film(0.9, 50, size=8), film(0.9, 50, size=8), 100)
-        assert rule.mean_spp == 100 + 100 * 4 / 64
-        assert rule.image[4, 4, 0] == pytest.approx(0.5)
-        assert rule.image[1, 1, 0] == pytest.approx(0.7)
+def test_a_pixel_of_cycles_goes_on_with_its_neighbours_and_the_others_end() -> None:
+    rule = CyclesAdaptive()
+    first = film(0.5, 50, size=8)
+    first[0, 0] = [100, 100, 100, 50]
+    assert not rule.add(first, film(0.5, 50, size=8), 100)
+    # Later slices change none but itself, and three neighbours in a corner.
+    rule.add(film(0.9, 50, size=8), film(0.9, 50, size=8), 100)
+    assert rule.mean_spp == 100 + 100 * 4 / 64
+    assert rule.image[4, 4, 0] == pytest.approx(0.5)
+    assert rule.image[1, 1, 0] == pytest.approx(0.7)

@@ -17,11 +17,8 @@ from tests.support.processes.commands import Command
 
 def _rendered(scene: Path, out: Path, *options: str) -> dict[str, Any]:
     arguments = ("render", str(scene), "-o", str(out), "--threads", "1", *options)
-    command = Command(*arguments, folder=out.parent)
-    try:
+    with Command(*arguments, folder=out.parent) as command:
         assert command.exit_code(240) == 0, command.said
-    finally:
-        command.end()
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return summary
 

@@ -13,7 +13,7 @@ from typing import Any
 import psutil
 
 from plateau.farm.images.exr import decode_image
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
 #: Options of ``plateau render``: some seconds of one worker's.
@@ -51,7 +51,6 @@ def commands(
     folder: Path, on: str, python: str = sys.executable, **environment: str
 ) -> Iterator[Run]:
     """Starts ``plateau render scenes:box --on …``, or a data set; none outlives the context."""
-    started: list[Command] = []
     recipe = folder / "recipe.toml"
     recipe.write_text(RECIPE)
 
@@ -61,12 +60,9 @@ def commands(
         what = ("dataset", str(recipe)) if dataset else ("render", "scenes:box", *job)
         arguments = (*what, "-o", str(folder / "out"), "--on", on, *options)
         told = {"PLATEAU_LEASE_S": "2", **environment, **more}
-        started.append(Command(*arguments, folder=folder / "command", python=python, **told))
-        return started[-1]
+        return Command(*arguments, folder=folder / "command", python=python, **told)
 
-    yield start
-    for command in started:
-        command.end()
+    yield from starting(start)
 
 
 @dataclass(frozen=True)

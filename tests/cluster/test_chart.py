@@ -92,11 +92,10 @@ def test_a_copy_of_the_chart_has_all_of_it() -> None:
     assert links == []
 
 
-class TestValues:
-    def test_have_a_schema_that_knows_no_others(self) -> None:
-        schema = json.loads((chart.CHART / "values.schema.json").read_text())
-        values = yaml.safe_load((chart.CHART / "values.yaml").read_text())
-        assert _unlike(values, schema) == []
+def test_values_have_a_schema_that_knows_no_others() -> None:
+    schema = json.loads((chart.CHART / "values.schema.json").read_text())
+    values = yaml.safe_load((chart.CHART / "values.yaml").read_text())
+    assert _unlike(values, schema) == []
 
 
 def _unlike(values: dict[str, Any], schema: dict[str, Any], above: str = "") -> list[str]:

@@ -12,7 +12,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
 from tests.support.farms.real_farm import BOX
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
@@ -26,8 +26,6 @@ Up = Callable[..., Command]
 
 @pytest.fixture
 def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
-    started: list[Command] = []
-
     def start(data: Path, workers: int = 1) -> Command:
         arguments = ("up", "--workers", str(workers), "--port", "0")
         settings = {
@@ -35,12 +33,9 @@ def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_LEASE_S": "2",
         }
-        started.append(Command(*arguments, folder=tmp_path, **settings))
-        return started[-1]
+        return Command(*arguments, folder=tmp_path, **settings)
 
-    yield start
-    for command in started:
-        command.end()
+    yield from starting(start)
 
 
 def test_a_copy_made_at_rest_has_everything(up: Up, tmp_path: Path) -> None:

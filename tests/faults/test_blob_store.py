@@ -1,6 +1,5 @@
 """A blob store that fails for a while, or spoils what it holds, costs time and nothing else."""
 
-import contextlib
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -23,39 +22,11 @@ Submit = Callable[[], str]
 LONGER_THAN_A_LEASE_S = 4.5
 
 
-class SmallDisk:
-    """A farm whose blobs are on a disk of 8 MB."""
-
-    def __init__(self, farm: FaultyFarm, disk: LoopDisk) -> None:
-        self.farm = farm
-        self.disk = disk
-        self._ballast = disk.folder / "ballast"
-
-    def fill(self) -> None:
-        with self._ballast.open("wb", buffering=0) as file, contextlib.suppress(OSError):
-            while True:
-                file.write(bytes(1 << 12))
-
-    def free(self) -> None:
-        self._ballast.unlink()
-
-    def make_read_only(self) -> None:
-        self.disk.make_read_only()
-
-    def make_writable(self) -> None:
-        self.disk.make_writable()
-
-    def unmount(self) -> None:
-        self.disk.unmount()
-
-    def mount(self) -> None:
-        self.disk.mount()
-
-
 @pytest.fixture(scope="module")
 def small_disk(
     tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
-) -> Iterator[SmallDisk]:
+) -> Iterator[tuple[FaultyFarm, LoopDisk]]:
+    """A farm whose blobs are on a disk of 8 MB, and the disk."""
     home = tmp_path_factory.mktemp("small")
     with (
         LoopDisk(home / "disk", megabytes=8) as disk,
@@ -64,34 +35,34 @@ def small_disk(
         farm.start("monitor")
         farm.workers(2)
         farm.wait_for_workers(2)
-        yield SmallDisk(farm, disk)
+        yield farm, disk
 
 
 @pytest.mark.parametrize(
     ("fail", "heal"),
     [
-        (SmallDisk.fill, SmallDisk.free),
+        (LoopDisk.fill, LoopDisk.free),
         *rare(
-            (SmallDisk.make_read_only, SmallDisk.make_writable),
-            (SmallDisk.unmount, SmallDisk.mount),
+            (LoopDisk.make_read_only, LoopDisk.make_writable),
+            (LoopDisk.unmount, LoopDisk.mount),
         ),
     ],
     ids=["full", "read-only", "not mounted"],
 )
 def test_a_store_that_fails_for_longer_than_a_lease(
-    small_disk: SmallDisk,
+    small_disk: tuple[FaultyFarm, LoopDisk],
     undisturbed: Outcome,
-    fail: Callable[[SmallDisk], None],
-    heal: Callable[[SmallDisk], None],
+    fail: Callable[[LoopDisk], object],
+    heal: Callable[[LoopDisk], None],
 ) -> None:
-    farm = small_disk.farm
+    farm, disk = small_disk
     job = farm.submit_half_way(**BRIEF)
     try:
-        fail(small_disk)
+        fail(disk)
         time.sleep(LONGER_THAN_A_LEASE_S)
         assert not farm.jobs.get(job).state.ended
     finally:
-        heal(small_disk)
+        heal(disk)
     assert_same(outcome(farm, job), undisturbed)
     assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
     assert all(process.poll() is None for process in farm.processes)

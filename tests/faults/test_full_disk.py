@@ -28,17 +28,16 @@ def test_redis_stops_and_goes_on_when_there_is_room(
             "PLATEAU_LEASE_S": "2",
         }
         data = str(disk.folder / "data")
-        up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
-        try:
+        with Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings) as up:
             with Client(up.wait_for(READY)) as client:
                 job = client.submit(BOX, JobSpec.model_validate(FRAMES | BRIEF)).id
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
-                ballast = disk.fill()
+                disk.fill()
                 up.wait_for("Redis exited with 1; starting it again")
                 assert up.process.poll() is None
                 # When there is room
-                ballast.unlink()
+                disk.free()
                 # Then the job goes on to the same end
                 done = client.wait(job)
                 assert (done.state, done.spp) == (undisturbed.job.state, undisturbed.job.spp)
@@ -47,5 +46,3 @@ def test_redis_stops_and_goes_on_when_there_is_room(
             up.process.terminate()
             assert up.exit_code() == 0
             up.is_gone()
-        finally:
-            up.end()

@@ -48,8 +48,7 @@ def test_others_take_the_work_of_a_process_that_hangs(
     farm.start("worker" if role == "monitor" else "monitor")
     job = submit()
     with LoopDisk(tmp_path / "disk") as disk:
-        disk.freeze()
-        try:
+        with disk.frozen():
             file = disk.folder / "file"
             stuck = farm.start_changed(
                 role, where=where, when=when, time=nth, write=str(file), set=_SOON
@@ -60,8 +59,6 @@ def test_others_take_the_work_of_a_process_that_hangs(
             farm.start(role)
             assert_same(outcome(farm, job), undisturbed)
             assert _hangs(stuck.pid)
-        finally:
-            disk.thaw()
         # And it is of use again once its disk answers
         until(file.exists)
         farm.stop_all()
@@ -80,13 +77,10 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
         farm.start_changed("worker", environment=there, set=_SOON)
         job = submit()
         until(lambda: farm.client.job(job).points >= 2)
-        disk.freeze()
-        try:
+        with disk.frozen():
             until(lambda: _troubles(farm))
             farm.start("worker")
             assert_same(outcome(farm, job), undisturbed)
-        finally:
-            disk.thaw()
         until(lambda: not _troubles(farm))
         farm.stop_all()
 

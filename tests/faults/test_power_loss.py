@@ -144,8 +144,7 @@ def _submit_until_the_power_goes(
     acknowledged: list[JobView] = []
     with LoopDisk(folder / "disk") as disk:
         data = disk.folder / "data"
-        service = _up(folder, data)
-        try:
+        with _up(folder, data) as service:
             url = service.wait_for(READY)
             # Not in its folder where that has a long path, as it has here
             with connect(service.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
@@ -163,8 +162,6 @@ def _submit_until_the_power_goes(
                         break
             switch.join()
             after = disk.after_power_loss(folder / "after")
-        finally:
-            service.end()
     with after, _redis(after.folder / "data" / "redis") as client:
         jobs, store = Jobs(client), Blobs(str(after.folder / "data" / "blobs"))
         lost = [job.id for job in acknowledged if not _is_known(jobs, job)]

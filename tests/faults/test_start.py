@@ -13,7 +13,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.long_tests import rare
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
@@ -28,22 +28,11 @@ Run = Callable[..., Command]
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Run]:
     """Starts commands whose Redis is to be in the folder ``redis``."""
-    started: list[Command] = []
-
-    def start(*arguments: str) -> Command:
-        started.append(
-            Command(
-                *arguments,
-                folder=tmp_path,
-                PLATEAU_REDIS_URL=f"unix://{tmp_path}/redis/redis.sock",
-                PLATEAU_BLOBS=str(tmp_path / "blobs"),
-            )
-        )
-        return started[-1]
-
-    yield start
-    for command in started:
-        command.end()
+    places = {
+        "PLATEAU_REDIS_URL": f"unix://{tmp_path}/redis/redis.sock",
+        "PLATEAU_BLOBS": str(tmp_path / "blobs"),
+    }
+    yield from starting(lambda *arguments: Command(*arguments, folder=tmp_path, **places))
 
 
 @pytest.fixture
@@ -66,12 +55,9 @@ def test_a_data_folder_of_another_version_is_refused(tmp_path: Path) -> None:
         client.set(keys.SCHEMA, OTHER)
     server.stop()
     # Then this one says so in a line, and leaves it as it is
-    command = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
-    try:
+    with Command("up", "--workers", "0", "--port", "0", folder=tmp_path) as command:
         assert command.exit_code() == ExitCode.INCOMPATIBLE
         command.is_gone()
-    finally:
-        command.end()
     assert REFUSAL in command.said
     assert "install the Plateau that wrote it, or choose another PLATEAU_DATA" in command.said
     assert len(command.said.splitlines()) == 1

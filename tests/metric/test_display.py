@@ -11,25 +11,24 @@ def pixel(*channels):
     return np.array(channels, np.float32).reshape(1, 1, 3)
 
 
-class TestView:
-    @pytest.mark.parametrize(
-        ("parameter", "value"),
-        [
-            ("field_of_view_deg", 0),
-            ("field_of_view_deg", 180),
-            ("field_of_view_deg", math.nan),
-            ("pixels_per_degree", 0),
-            ("pixels_per_degree", 1001),
-            ("pixels_per_degree", math.nan),
-            ("primaries", "rec2020"),
-            ("gamma", 0),
-            ("gamma", -2.2),
-            ("gamma", math.nan),
-        ],
-    )
-    def test_what_no_screen_shows_is_refused_by_name(self, parameter, value):
-        with pytest.raises(ValueError, match=parameter):
-            View(**{parameter: value})
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        ("field_of_view_deg", 0),
+        ("field_of_view_deg", 180),
+        ("field_of_view_deg", math.nan),
+        ("pixels_per_degree", 0),
+        ("pixels_per_degree", 1001),
+        ("pixels_per_degree", math.nan),
+        ("primaries", "rec2020"),
+        ("gamma", 0),
+        ("gamma", -2.2),
+        ("gamma", math.nan),
+    ],
+)
+def test_a_view_that_no_screen_shows_is_refused_by_name(parameter, value):
+    with pytest.raises(ValueError, match=parameter):
+        View(**{parameter: value})
 
 
 class TestColour:
@@ -49,11 +48,10 @@ class TestColour:
         np.testing.assert_allclose(chroma.ravel(), a_b, atol=0.1)
 
 
-class TestAsImage:
-    @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 4), (4, 4, 1), (0, 4, 3), (1, 4, 4, 3)])
-    def test_only_three_channels_make_an_image(self, shape):
-        with pytest.raises(ValueError, match=r"\(H, W, 3\)"):
-            as_image(np.zeros(shape))
+@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 4), (4, 4, 1), (0, 4, 3), (1, 4, 4, 3)])
+def test_only_three_channels_make_an_image(shape):
+    with pytest.raises(ValueError, match=r"\(H, W, 3\)"):
+        as_image(np.zeros(shape))
 
 
 class TestEncodeSrgb:

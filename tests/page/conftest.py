@@ -54,10 +54,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def farm(client: redis.Redis, redis_url: str, folder: Path) -> NoiseFarm:
-    farm = NoiseFarm(client, redis_url, folder)
+    return paired(NoiseFarm(client, redis_url, folder))
+
+
+def paired(farm: NoiseFarm) -> NoiseFarm:
+    """A farm with the blobs of another test's: this Redis has forgotten its pair."""
     mark = farm.store.mark()
-    if mark is not None:  # the blobs of another test's farm: this Redis has forgotten its pair
-        client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
+    if mark is not None:
+        farm.client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
     return farm
 
 

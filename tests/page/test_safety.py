@@ -1,6 +1,5 @@
 """What a scene or a user says is never more than text, and the page obeys its own policy."""
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -14,6 +13,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
+from tests.support.threads import working
 from tests.support.until import until
 
 MARKUP = "<img src=x onerror=\"document.title='taken'\"><b>bold</b>"
@@ -100,12 +100,9 @@ def another_site(text: str) -> Iterator[str]:
         def log_message(self, *_: object) -> None:
             pass
 
-    with ThreadingHTTPServer(("127.0.0.1", 0), Page) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield f"http://localhost:{server.server_port}/"
-        finally:
-            server.shutdown()
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Page)
+    with server, working(server.serve_forever, server.shutdown):
+        yield f"http://localhost:{server.server_port}/"
 
 
 def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(

@@ -10,6 +10,7 @@ from plateau.farm.model.slices.zones import Grid
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.spec.parts import ZonesAllocation
 from plateau.picture.merge import Merge
+from tests.support.images.plain_exr import partial_of
 
 GRID = Grid(40, 24, 16)
 SPEC = JobSpec(allocation=ZonesAllocation(size=16))
@@ -30,18 +31,7 @@ def partial(index: int, spp: int, numbers: list[int] | None, border: int) -> Par
                 weights[top:bottom, left:right] += spp / reach**2
         light = weights * LIGHT[block.y : block.y + block.height, block.x : block.x + block.width]
         parts.append(np.stack([light, light, light, weights], -1).reshape(-1, 4))
-    return Partial(
-        job_id="",
-        index=index,
-        first_seed=index,
-        last_seed=index,
-        spp=spp,
-        variant="llvm_ad_rgb",
-        scene_sha256="",
-        zones=zones,
-        border=border,
-        pixels=np.concatenate(parts),
-    )
+    return partial_of(np.concatenate(parts), index, spp=spp, zones=zones, border=border)
 
 
 LIGHT = np.linspace(0.1, 1, 24 * 40, dtype=np.float32).reshape(24, 40)

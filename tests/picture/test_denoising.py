@@ -27,6 +27,7 @@ from tests.support.images.plain_exr import header
 from tests.support.images.view_transforms import srgb_transform
 from tests.support.long_tests import rare
 from tests.support.processes.relatives import children_running
+from tests.support.threads import working
 from tests.support.until import until
 
 RAW = {
@@ -66,13 +67,8 @@ def killed(most: int) -> Iterator[list[int]]:
                         one.kill()
                         victims.append(one.pid)
 
-    watcher = threading.Thread(target=watch)
-    watcher.start()
-    try:
+    with working(watch, over.set):
         yield victims
-    finally:
-        over.set()
-        watcher.join()
 
 
 @pytest.fixture

@@ -75,40 +75,39 @@ def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> N
     assert store.get(blobs.preview("job", 100)) == b"one"
 
 
-class TestOverHttp:
-    def test_a_preview_is_what_the_image_was(self, farm: NoiseFarm, redis_url: str) -> None:
-        job = farm.submit(step=25, max_spp=75, rule={"name": "fixed", "spp": 75})
-        path = f"/v1/jobs/{job.id}"
-        with (
-            live_http(redis_url, farm.store) as http,
-            farm.monitor(),
-        ):
-            assert http.get(f"{path}/previews").json() == {"previews": []}
-            farm.render(1)
-            until(lambda: bool(farm.jobs.results(job.id)), 60)
-            newest = http.get(f"{path}/image.png")
-            until(lambda: kept(farm.store, job.id) == [25], 60)
-            farm.render(2)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
-            listed = http.get(f"{path}/previews").json()["previews"]
-            assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
-            preview = http.get(f"{path}/previews/25.png")
-            final = http.get(f"{path}/image.png")
-            # It is what was shown then, and never changes
-            assert preview.content == newest.content != final.content
-            assert [one.headers["plateau-spp"] for one in (newest, preview, final)] == [
-                "25",
-                "25",
-                "75",
-            ]
-            again = {"If-None-Match": preview.headers["etag"]}
-            assert http.get(f"{path}/previews/25.png", headers=again).status_code == 304
-            # One that is not kept is a problem that says where to look
-            problem = http.get(f"{path}/previews/30.png").json()
-            assert problem["type"] == "/problems/unknown-point"
-            assert f"GET {path}/previews" in problem["detail"]
-            small = Image.open(io.BytesIO(http.get(f"{path}/thumbnail.png").content))
-            assert small.size == (32, 24)
+def test_a_preview_over_http_is_what_the_image_was(farm: NoiseFarm, redis_url: str) -> None:
+    job = farm.submit(step=25, max_spp=75, rule={"name": "fixed", "spp": 75})
+    path = f"/v1/jobs/{job.id}"
+    with (
+        live_http(redis_url, farm.store) as http,
+        farm.monitor(),
+    ):
+        assert http.get(f"{path}/previews").json() == {"previews": []}
+        farm.render(1)
+        until(lambda: bool(farm.jobs.results(job.id)), 60)
+        newest = http.get(f"{path}/image.png")
+        until(lambda: kept(farm.store, job.id) == [25], 60)
+        farm.render(2)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        listed = http.get(f"{path}/previews").json()["previews"]
+        assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
+        preview = http.get(f"{path}/previews/25.png")
+        final = http.get(f"{path}/image.png")
+        # It is what was shown then, and never changes
+        assert preview.content == newest.content != final.content
+        assert [one.headers["plateau-spp"] for one in (newest, preview, final)] == [
+            "25",
+            "25",
+            "75",
+        ]
+        again = {"If-None-Match": preview.headers["etag"]}
+        assert http.get(f"{path}/previews/25.png", headers=again).status_code == 304
+        # One that is not kept is a problem that says where to look
+        problem = http.get(f"{path}/previews/30.png").json()
+        assert problem["type"] == "/problems/unknown-point"
+        assert f"GET {path}/previews" in problem["detail"]
+        small = Image.open(io.BytesIO(http.get(f"{path}/thumbnail.png").content))
+        assert small.size == (32, 24)
 
 
 class TestAThumbnail:

@@ -6,6 +6,18 @@ from contextlib import contextmanager
 
 
 @contextmanager
+def working(work: Callable[[], object], stop: Callable[[], object]) -> Iterator[None]:
+    """Do this in a thread, which is told to stop and has done so when the context ends."""
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop()
+        thread.join()
+
+
+@contextmanager
 def beside(work: Callable[[], None], pause_s: float) -> Iterator[None]:
     """Do this again and again in a thread, while the context lasts."""
     over, failed = threading.Event(), list[BaseException]()
@@ -18,11 +30,6 @@ def beside(work: Callable[[], None], pause_s: float) -> Iterator[None]:
             failed.append(error)
             raise
 
-    thread = threading.Thread(target=again_and_again)
-    thread.start()
-    try:
+    with working(again_and_again, over.set):
         yield
-    finally:
-        over.set()
-        thread.join()
     assert not failed

@@ -19,7 +19,7 @@ from plateau.farm.images.exr import (
 )
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec.parts import Compression
-from tests.support.images.plain_exr import encode_image
+from tests.support.images.plain_exr import encode_image, partial_of
 
 RNG = np.random.default_rng(7)
 
@@ -27,16 +27,8 @@ RNG = np.random.default_rng(7)
 def a_partial() -> Partial:
     pixels = RNG.normal(size=(5, 7, 4)).astype(np.float32)
     pixels[0, 0] = [np.nan, np.inf, -0.0, 1e-42]
-    return Partial(
-        job_id="j",
-        index=3,
-        first_seed=2**32 - 2,
-        last_seed=2**32 - 1,
-        spp=25,
-        variant="scalar_rgb",
-        scene_sha256="ab" * 32,
-        pixels=pixels,
-    )
+    seeds = {"first_seed": 2**32 - 2, "last_seed": 2**32 - 1}
+    return partial_of(pixels, 3, **seeds, spp=25, scene_sha256="ab" * 32)
 
 
 def test_a_partial_comes_back_to_the_bit() -> None:

@@ -7,9 +7,10 @@ import pytest
 
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.crops import crop_header
-from plateau.farm.images.exr import Partial, decode_header, decode_partial, encode_partial
+from plateau.farm.images.exr import decode_header, decode_partial, encode_partial
 from plateau.farm.images.mattes import check_attributes, mattes
 from plateau.picture.merge import Merge
+from tests.support.images.plain_exr import partial_of
 
 LAYERS = tuple(f"layer.CryptoObject{rank:02}.{letter}" for rank in range(2) for letter in "rgba")
 NAMES = ("R", "G", "B", "W", *LAYERS)
@@ -87,18 +88,8 @@ def test_an_image_says_what_its_ids_are():
     }
     merge = Merge(slice_spp=4)
     for index, said in enumerate((names, {})):
-        partial = Partial(
-            job_id="0123456789ab",
-            index=index,
-            first_seed=0,
-            last_seed=0,
-            spp=4,
-            variant="analytic:numpy",
-            scene_sha256="0" * 64,
-            pixels=film([(BALL, 4)]),
-            channels=replace(CHANNELS, quotients=((LAYERS[0], LAYERS[1]),)),
-            header=said,
-        )
+        channels = replace(CHANNELS, quotients=((LAYERS[0], LAYERS[1]),))
+        partial = partial_of(film([(BALL, 4)]), index, spp=4, channels=channels, header=said)
         content = encode_partial(partial)
         merge.add_partial(decode_partial(content))
         assert names.items() <= decode_header(content).items() or index

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from plateau.farm.images.exr import Partial, decode_partial, encode_partial
+from plateau.farm.images.exr import decode_partial, encode_partial
 from plateau.farm.images.view_transform import SIZE, ViewTransform
 from plateau.metric import encode_srgb
 from plateau.picture.merge import Merge
+from tests.support.images.plain_exr import partial_of
 from tests.support.images.view_transforms import srgb_transform
 
 
@@ -43,17 +44,9 @@ def test_it_survives_text_and_the_first_slice_of_a_job(image):
     again = ViewTransform.from_text(look.as_text())
     assert (again.gain, again.table.tobytes()) == (0.5, look.table.tobytes())
     film = np.concatenate([image, np.ones((40, 30, 1), np.float32)], axis=-1)
-    about = {"job_id": "j", "spp": 1, "variant": "analytic:numpy", "scene_sha256": "0" * 64}
     merge = Merge(slice_spp=1)
     for index in range(2):
-        partial = Partial(
-            index=index,
-            first_seed=index,
-            last_seed=index,
-            pixels=film,
-            transform=look if index == 0 else None,
-            **about,
-        )
+        partial = partial_of(film, index, transform=look if index == 0 else None)
         merge.add_partial(decode_partial(encode_partial(partial)))
     # The image and its halves are seen through it, and what is delivered is linear
     np.testing.assert_array_equal(merge.image(), look.seen(image))

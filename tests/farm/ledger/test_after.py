@@ -19,6 +19,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from tests.farm.ledger.test_waiting import quick as quick
+from tests.support.farms.ledger_farm import own
 from tests.support.long_tests import WANTED
 
 WELL = (JobState.CONVERGED, JobState.EXHAUSTED)
@@ -37,8 +38,7 @@ class Farm:
         """A job with two slices to lease, unless it waits."""
         asked = JobSpec(after=after, **spec)
         job = self.jobs.create(asked, name=name, scene_sha256="00").job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, job.id)
         self.owners.plan(owned, range(2))
         self.owners.disown([owned])
         return self.jobs.get(job.id)
@@ -46,8 +46,7 @@ class Farm:
     def ends(self, job: Job, state: JobState, *, finishes: bool = True) -> None:
         """The job ends, and its monitor writes its results and clears the rest."""
         if not self.jobs.get(job.id).state.ended:
-            owned = self.owners.acquire(job.id)
-            assert owned is not None
+            owned = own(self.owners, job.id)
             self.leased(job)
             self.owners.end(owned, state, "farm", "so it is")
             self.owners.disown([owned])
@@ -55,8 +54,7 @@ class Farm:
             self.finishes(job)
 
     def finishes(self, job: Job) -> None:
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, job.id)
         self.owners.conclude(owned, spp=25, results="", notes=())
         self.owners.finish(owned, keeps_sums=False)
 
@@ -191,8 +189,7 @@ def test_one_that_waits_can_be_cancelled_and_held(farm: Farm) -> None:
 def test_one_that_redis_has_lost_is_waited_for_no_more(farm: Farm) -> None:
     lost = farm.job(batch="walk")
     waiting = [farm.job(lost.id), farm.job("walk")]
-    owned = farm.owners.acquire(lost.id)
-    assert owned is not None
+    owned = own(farm.owners, lost.id)
     farm.client.delete(keys.job(lost.id))
     farm.owners.abandon(owned)
     for job in waiting:

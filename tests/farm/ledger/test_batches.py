@@ -45,10 +45,9 @@ def finish(client: redis.Redis, job_id: str, state: JobState, *, spp: int = 100)
     return staged
 
 
-class TestAList:
-    def test_of_a_thousand_is_made_at_once(self, jobs: Jobs, batches: Batches) -> None:
-        assert len(create(jobs, 1000)) == 1000
-        assert batches.get("b").states == {JobState.QUEUED: 1000}
+def test_a_list_of_a_thousand_is_made_at_once(jobs: Jobs, batches: Batches) -> None:
+    assert len(create(jobs, 1000)) == 1000
+    assert batches.get("b").states == {JobState.QUEUED: 1000}
 
 
 class TestTheIndex:

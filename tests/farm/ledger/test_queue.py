@@ -10,7 +10,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease
+from tests.support.farms.ledger_farm import VARIANTS, LedgerFarm, commit, lease, own
 
 
 @pytest.fixture
@@ -189,10 +189,10 @@ def test_overlapping_seeds_are_refused(farm: LedgerFarm) -> None:
     farm.job()
     worker = farm.worker("w")
     first, second = lease(worker), lease(worker)
-    assert commit(worker, first, first_seed=10) == "committed"
-    assert commit(worker, second, first_seed=8) == "overlap"
-    assert commit(worker, second, first_seed=12) == "overlap"
-    assert commit(worker, second, first_seed=13) == "committed"
+    assert commit(worker, first, seeds=(10, 12)) == "committed"
+    assert commit(worker, second, seeds=(8, 10)) == "overlap"
+    assert commit(worker, second, seeds=(12, 14)) == "overlap"
+    assert commit(worker, second, seeds=(13, 15)) == "committed"
 
 
 def test_cancelling_withdraws_everything_at_once(farm: LedgerFarm) -> None:
@@ -213,8 +213,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: LedgerFarm) -> None
     # Given a monitor whose ownership has run out, and another that took over
     job, old = farm.job()
     farm.client.delete(keys.job(job.id, "owner"))
-    new = farm.owners.acquire(job.id)
-    assert new is not None
+    new = own(farm.owners, job.id)
     assert new.token != old.token
     # Then the old one's writes are all refused
     for write in (

@@ -12,7 +12,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
-from tests.support.farms.ledger_farm import LedgerFarm, commit, record_of
+from tests.support.farms.ledger_farm import LedgerFarm, commit, lease_scalar, record_of
 from tests.support.until import until
 
 PIXELS = 8 * 4
@@ -25,9 +25,7 @@ class Farm(LedgerFarm):
         return super().job(slices, slice_spp=25, **spec)
 
     def lease(self, worker: SliceQueue | None = None) -> Lease:
-        held = (worker or self.worker()).lease(("scalar_rgb",), None, in_turn=False)
-        assert held is not None
-        return held
+        return lease_scalar(worker or self.worker())
 
     def commit(self, held: Lease, blob: str = "partial") -> str:
         return commit(self.worker(), held, blob=blob, render_s=0.5)

@@ -25,7 +25,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts, library
 from plateau.farm.redis.wake import Wake
-from tests.support.farms.ledger_farm import record_of
+from tests.support.farms.ledger_farm import own, record_of
 from tests.support.long_tests import WANTED
 from tests.support.until import until
 
@@ -95,8 +95,7 @@ class History:
         )
         owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
         job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, job.id)
         self.made.append((owned, spec))
         self.plan(-1, b % 3)
         for worker in ((), (), ("cpu",), ("cpu", "gpu"))[b // 32 % 4]:
@@ -461,8 +460,7 @@ def test_a_lease_asks_no_more_of_redis_where_more_jobs_wait(
         for _ in range(more):
             spec = JobSpec(batch=batch)
             job = history.jobs.create(spec, name="box", scene_sha256="00").job
-            owned = history.owners.acquire(job.id)
-            assert owned is not None
+            owned = own(history.owners, job.id)
             # However many slices are planned, the stream has those that are leased
             history.owners.plan(owned, range(1_000_000))
             assert quick.xlen(keys.job(job.id, "slices")) == 0

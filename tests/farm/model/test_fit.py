@@ -15,7 +15,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-from tests.support.farms.ledger_farm import LedgerFarm
+from tests.support.farms.ledger_farm import LedgerFarm, lease
 from tests.support.farms.ledger_farm import about as described
 
 LLVM = ("llvm_ad_rgb", "scalar_rgb")
@@ -49,10 +49,9 @@ class Farm(LedgerFarm):
     def dies(self, name: str, job: Job, *tags: str) -> None:
         """A slice of the job dies on this worker."""
         queue = self.queue(name, *tags)
-        lease = queue.lease(LLVM, job.id, in_turn=True)
-        assert lease is not None
-        assert lease.job_id == job.id
-        assert queue.died(lease, "a crash", 1.0) == "put back"
+        held = lease(queue, job.id, in_turn=True, variants=LLVM)
+        assert held.job_id == job.id
+        assert queue.died(held, "a crash", 1.0) == "put back"
 
     def relents(self, name: str) -> None:
         """Time passes, for which the worker was left out of jobs."""

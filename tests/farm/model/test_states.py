@@ -14,6 +14,7 @@ from plateau.farm.model.errors import IllegalTransition
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JOB_MOVES, EndedBy, JobState
 from plateau.farm.redis import keys
+from tests.support.farms.ledger_farm import own
 
 ENDS = [state for state in JobState if state.ended]
 
@@ -25,8 +26,7 @@ def test_a_job_ends_only_along_the_table(
     # Given a job in some state, owned by a monitor
     jobs, owners = Jobs(client), Ownerships(client, lease_s=15)
     job = jobs.create(JobSpec(), name="box", scene_sha256="00").job
-    owned = owners.acquire(job.id)
-    assert owned is not None
+    owned = own(owners, job.id)
     client.hset(keys.job(job.id), "state", start.value)
     # When it is to end
     if target in JOB_MOVES[start] or target is start:
@@ -56,8 +56,7 @@ def test_what_ended_a_job_is_a_field_whatever_its_name_and_its_reason_say(
     jobs, owners = Jobs(client), Ownerships(client, lease_s=15)
     job = jobs.create(JobSpec(name=misleading), name=misleading, scene_sha256="00").job
     assert (job.outcome, job.ended_by) == ("queued", None)
-    owned = owners.acquire(job.id)
-    assert owned is not None
+    owned = own(owners, job.id)
     client.hset(keys.job(job.id), "state", "rendering")
     owners.end(owned, target, ended_by, misleading)
     ended = jobs.get(job.id)

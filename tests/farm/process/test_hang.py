@@ -53,13 +53,10 @@ def test_a_thread_that_waits_for_a_disk_hangs_until_the_disk_answers(
     with LoopDisk(tmp_path / "disk") as disk:
         file = disk.folder / "file"
         thread = threading.Thread(target=file.write_text, args=("written",))
-        disk.freeze()
-        try:
+        with disk.frozen():
             thread.start()
             watched = watch(thread)
             until(watched.is_seen)
-        finally:
-            disk.thaw()
         thread.join()
         assert not watched.is_seen()
         assert file.read_text() == "written"

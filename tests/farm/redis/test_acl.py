@@ -28,7 +28,7 @@ from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.redis.wake import Wake
 from tests.support.farms import ledger_farm
-from tests.support.farms.ledger_farm import VARIANTS, lease, runs_out
+from tests.support.farms.ledger_farm import VARIANTS, lease, own, runs_out
 from tests.support.farms.receiver import SECRET
 from tests.support.redis.redis_commands import commands, named
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
@@ -61,9 +61,7 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     def job(**spec: object) -> str:
         whole = JobSpec.model_validate({"notice": NOTICE, **spec})
         made = jobs.create(whole, name="box", scene_sha256="00", owner=key.id).job
-        owned = owners.acquire(made.id)
-        assert owned is not None
-        owners.plan(owned, range(4))
+        owners.plan(own(owners, made.id), range(4))
         return made.id
 
     worker = SliceQueue(login("worker"), "w", LEASE_S)

@@ -11,7 +11,7 @@ import redis
 
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.ledger.queue import SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import commands
@@ -19,6 +19,7 @@ from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.owners import Renew
 from plateau.farm.redis.commands.scenes import RememberScene
 from plateau.farm.redis.scripts import Scripts
+from tests.support.farms.ledger_farm import lease_scalar, own, record_of
 from tests.support.redis.redis_commands import commands as lua_commands
 
 #: Numbers of which fewer digits would be others.
@@ -44,23 +45,13 @@ def test_each_command_is_one_dataclass_and_one_function_in_lua() -> None:
 def test_a_slice_comes_back_to_the_bit(client: redis.Redis) -> None:
     jobs, owners, queue = Jobs(client), Ownerships(client, 60), SliceQueue(client, "w", 60)
     job = jobs.create(JobSpec(slice_spp=25), name=WORDS, scene_sha256="00").job
-    owned = owners.acquire(job.id)
-    assert owned is not None
-    owners.plan(owned, range(len(EXACT)))
+    owners.plan(own(owners, job.id), range(len(EXACT)))
     records = []
     for index, number in enumerate(EXACT):
-        lease = queue.lease(("scalar_rgb",), None, in_turn=False)
-        assert lease is not None
-        record = SliceRecord(
-            index=index,
-            spp=25,
-            first_seed=2**32 - 10 * (index + 1),
-            last_seed=2**32 - 10 * index - 1,
-            blob=f"partial {index} {WORDS}",
-            sha256="ab" * 32,
-            worker="w",
-            render_s=number,
-        )
+        lease = lease_scalar(queue)
+        seeds = (2**32 - 10 * (index + 1), 2**32 - 10 * index - 1)
+        blob = f"partial {index} {WORDS}"
+        record = record_of(lease, seeds, blob=blob, sha256="ab" * 32, render_s=number)
         records.append(record)
         done = queue.commit(lease, record, width=8, height=4, notes=(WORDS,), said=WORDS)
         assert done == "committed"
@@ -74,8 +65,7 @@ def test_a_slice_comes_back_to_the_bit(client: redis.Redis) -> None:
 def test_a_point_comes_back_to_the_bit(client: redis.Redis) -> None:
     jobs, owners = Jobs(client), Ownerships(client, 60)
     job = jobs.create(JobSpec(), name="box", scene_sha256="00").job
-    owned = owners.acquire(job.id)
-    assert owned is not None
+    owned = own(owners, job.id)
     values = {"visible_pixels": 2**53 + 1, "visible_fraction": 0.1 + 0.2, "slope": 1 / 3}
     owners.append_point(owned, 100, {"spp": 100, **values, **NOTHING})
     (point,) = jobs.curve(job.id)

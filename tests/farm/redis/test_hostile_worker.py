@@ -11,7 +11,7 @@ from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.errors import NotPermitted
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -21,6 +21,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import lease_scalar, own
 from tests.support.redis.lost_answers import ABOUT, NOTICE, WORKER, commit
 from tests.support.redis.redis_users import LEASE_S, Login, monitor_comes, users
 
@@ -52,16 +53,9 @@ def job(login: Login) -> Ownership:
     spec = JobSpec(**FRAMES, step=100, slice_spp=50, notice=NOTICE)
     made = Jobs(login("api")).create(spec, name="box", scene_sha256="00").job
     owners = Ownerships(login("monitor"), 60)
-    owned = owners.acquire(made.id)
-    assert owned is not None
+    owned = own(owners, made.id)
     owners.plan(owned, range(8))
     return owned
-
-
-def leased(worker: SliceQueue) -> Lease:
-    found = worker.lease(("scalar_rgb",), None, in_turn=False)
-    assert found is not None
-    return found
 
 
 @pytest.mark.parametrize("number", NO_MORE)
@@ -70,7 +64,7 @@ def test_a_prefix_that_cannot_grow_ends_nevertheless(
 ) -> None:
     worker = login("worker")
     queue = SliceQueue(worker, WORKER, LEASE_S)
-    first = leased(queue)
+    first = lease_scalar(queue)
     # Given a prefix of the image that no script writes, with its slice in the ledger
     worker.hset(keys.job(job.job_id), "prefix", number)
     for spelt in (number, "9.007199254741e+15", "-9.007199254741e+15", "1e+300", "-1e+300"):
@@ -87,7 +81,7 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
     worker, owners = login("worker"), Ownerships(login("monitor"), 60)
     queue = SliceQueue(worker, WORKER, LEASE_S)
     for blob in ("one", "two"):
-        lease = leased(queue)
+        lease = lease_scalar(queue)
         assert commit(queue, lease, blob) == "committed"
     owners.end(job, JobState.CONVERGED, "rule", "levelled off", None, "")
     owners.finish(job, keeps_sums=False)
@@ -132,8 +126,8 @@ def test_no_pattern_is_tried_on_a_text_without_end(
     queue = SliceQueue(login("worker"), WORKER, LEASE_S)
     for step in (
         lambda: queue.heartbeat(ABOUT, ()),
-        lambda: commit(queue, leased(queue)),
-        lambda: leased(queue),
+        lambda: commit(queue, lease_scalar(queue)),
+        lambda: lease_scalar(queue),
     ):
         with suppress(redis.exceptions.ResponseError, NotPermitted, AssertionError):
             step()
@@ -189,8 +183,6 @@ def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
     owners = Ownerships(login("monitor"), 60)
     for job_id in (annas, nobodys):
         jobs.cancel(job_id)
-        owned = owners.acquire(job_id)
-        assert owned is not None
-        owners.finish(owned, keeps_sums=False)
+        owners.finish(own(owners, job_id), keeps_sums=False)
     notices = [Outbox(login("monitor")).take(60) for _ in range(2)]
     assert {one and one.job.owner_name for one in notices} == {"anna", None}

@@ -33,9 +33,8 @@ def stops(verdicts):
     return [verdict.stop for verdict in verdicts]
 
 
-class TestSuccessive:
-    def test_one_pixel_never_holds_up_an_image(self):
-        assert stops(told(Successive(threshold=0.0), [5, 6])) == [False, True]
+def test_by_successive_one_pixel_never_holds_up_an_image():
+    assert stops(told(Successive(threshold=0.0), [5, 6])) == [False, True]
 
 
 RULES = [

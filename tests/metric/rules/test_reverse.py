@@ -52,15 +52,14 @@ class TestTheCurve:
             assert verdicts[i].numbers["slope"] == verdicts[i].value
 
 
-class TestStopping:
-    @pytest.mark.parametrize("side", [16, 32, 64])
-    def test_epsilon_scales_with_the_pixel_count(self, side):
-        # Given the same share of the pixels visible at each spp, I expect the same stop.
-        shares = [0, 32, 60, 66, 68, 69, 70, 70, 70, 70, 70, 70]
-        counts = [share * side**2 // 256 for share in shares]
-        verdicts = told(Reverse(epsilon=5.0), counts, side=side)
-        assert verdicts[0].numbers["epsilon"] == 5.0 * side**2 / 512**2
-        assert stop_index(verdicts) == 9
+@pytest.mark.parametrize("side", [16, 32, 64])
+def test_epsilon_scales_with_the_pixel_count(side):
+    # Given the same share of the pixels visible at each spp, I expect the same stop.
+    shares = [0, 32, 60, 66, 68, 69, 70, 70, 70, 70, 70, 70]
+    counts = [share * side**2 // 256 for share in shares]
+    verdicts = told(Reverse(epsilon=5.0), counts, side=side)
+    assert verdicts[0].numbers["epsilon"] == 5.0 * side**2 / 512**2
+    assert stop_index(verdicts) == 9
 
 
 class TestReasons:

@@ -106,14 +106,13 @@ def test_another_process_goes_on_to_the_very_same_verdicts(name, parameters, res
     assert verdicts == expected
 
 
-class TestFixed:
-    def test_it_stops_when_the_cap_is_reached(self):
-        rule = Fixed(spp=300)
-        verdicts = [rule.judge(evidence(spp)) for spp in (100, 200, 300, 400)]
-        assert [verdict.stop for verdict in verdicts] == [False, False, True, True]
-        assert [verdict.value for verdict in verdicts] == [100, 200, 300, 400]
-        assert verdicts[0].reason == "the fixed 300 spp are not yet reached: 100 spp"
-        assert verdicts[2].reason == "the fixed 300 spp are reached: 300 spp"
+def test_fixed_stops_when_the_cap_is_reached():
+    rule = Fixed(spp=300)
+    verdicts = [rule.judge(evidence(spp)) for spp in (100, 200, 300, 400)]
+    assert [verdict.stop for verdict in verdicts] == [False, False, True, True]
+    assert [verdict.value for verdict in verdicts] == [100, 200, 300, 400]
+    assert verdicts[0].reason == "the fixed 300 spp are not yet reached: 100 spp"
+    assert verdicts[2].reason == "the fixed 300 spp are reached: 300 spp"
 
 
 class TestEvidence:

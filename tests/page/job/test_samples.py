@@ -8,9 +8,8 @@ import pytest
 import redis
 from playwright.sync_api import expect
 
-from plateau.farm.redis import keys
 from plateau.metric import SAMPLES_PALETTE
-from tests.page.conftest import Visit
+from tests.page.conftest import Visit, paired
 from tests.page.job.conftest import is_shown, png
 from tests.support.farms.finished_jobs import finished
 from tests.support.farms.lopsided_farm import JOB, LopsidedFarm
@@ -21,11 +20,7 @@ STYLE = Path(__file__).parents[3] / "plateau" / "service" / "page" / "job" / "vi
 
 @pytest.fixture
 def farm(client: redis.Redis, redis_url: str, folder: Path) -> NoiseFarm:
-    farm = LopsidedFarm(client, redis_url, folder, sigma=0.15)
-    mark = farm.store.mark()
-    if mark is not None:
-        client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
-    return farm
+    return paired(LopsidedFarm(client, redis_url, folder, sigma=0.15))
 
 
 def test_they_are_shown_with_their_scale(visit: Visit, farm: NoiseFarm) -> None:

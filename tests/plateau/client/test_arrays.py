@@ -9,9 +9,9 @@ import redis
 
 from plateau import ApiError, Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Partial, encode_layers, encode_partial
+from plateau.farm.images.exr import encode_layers, encode_partial
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
-from tests.support.images.plain_exr import encode_image
+from tests.support.images.plain_exr import encode_image, partial_of
 
 
 def test_the_merged_image_is_an_array(plateau: Client, client: redis.Redis, store: Blobs) -> None:
@@ -50,18 +50,9 @@ def test_a_slice_is_its_film(plateau: Client, client: redis.Redis, store: Blobs)
         plateau.film(job.id, 0)
     assert caught.value.slug == "unknown-slice"
     film = np.random.default_rng(2).random((HEIGHT, WIDTH, 4), dtype=np.float32)
-    partial = Partial(
-        job_id=job.id,
-        index=0,
-        first_seed=0,
-        last_seed=9,
-        spp=25,
-        variant="scalar_rgb",
-        scene_sha256="0" * 64,
-        pixels=film,
-    )
-    store.put(job.slice_blob(0), encode_partial(partial))
-    job.commit(partial=encode_partial(partial))
+    partial = encode_partial(partial_of(film, job_id=job.id, last_seed=9, spp=25))
+    store.put(job.slice_blob(0), partial)
+    job.commit(partial=partial)
     fetched = plateau.film(job.id, 0)
     assert fetched.dtype == np.float32
     assert np.array_equal(fetched, film)

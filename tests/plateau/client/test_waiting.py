@@ -1,6 +1,5 @@
 """The client follows jobs: typed events, time-outs, callbacks."""
 
-import threading
 import time
 
 import pytest
@@ -20,6 +19,7 @@ from plateau import (
 from plateau.farm.model.states import JobState
 from plateau.service.api.process import listen
 from tests.support.farms.staged_job import StagedJob
+from tests.support.threads import beside
 
 
 def test_each_event_has_a_type_of_its_own(plateau: Client, client: redis.Redis) -> None:
@@ -90,28 +90,16 @@ def test_a_wait_ends_in_time_though_the_service_says_nothing(
 
 
 def test_a_wait_ends_in_time_though_much_is_going_on(plateau: Client, client: redis.Redis) -> None:
-    job = StagedJob(client)
-    stop = threading.Event()
+    job, heard = StagedJob(client), list[int]()
 
-    def work() -> None:
-        while not stop.wait(0.05):
-            job.commit()
+    def hear(event: object) -> None:
+        heard.extend([event.index] if isinstance(event, SliceEvent) else [])
 
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
+    with beside(job.commit, pause_s=0.05):
         started = time.monotonic()
-        heard: list[int] = []
-
-        def hear(event: object) -> None:
-            heard.extend([event.index] if isinstance(event, SliceEvent) else [])
-
         with pytest.raises(TimedOut):
             plateau.wait(job.id, timeout_s=2.5, on_event=hear)
         assert time.monotonic() - started >= 2.4
-    finally:
-        stop.set()
-        worker.join()
     # The stream was opened anew as the time ran out, and yet each slice was heard of once
     assert heard == list(range(len(heard)))
 

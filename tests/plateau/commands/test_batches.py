@@ -44,33 +44,32 @@ def end(client: redis.Redis, store: Blobs, job_id: str, state: JobState) -> None
     staged.finish()
 
 
-class TestTheClient:
-    def test_submits_a_scene_once_for_many_jobs(self, plateau: Client, walk: Path) -> None:
-        spec = JobSpec(batch="walk", max_spp=200, parameters={"light": 1})
-        with pytest.raises(ApiError) as caught:  # the scene has no light
-            plateau.submit_batch(walk, [{"frame": 0}], spec)
-        assert caught.value.slug == "broken-scene"
-        spec = JobSpec(batch="walk/1", max_spp=200, parameters={"frame": 2})
-        batch = plateau.submit_batch(walk, [{"frame": 0}, {}, {"frame": 1}], spec)
-        assert (batch.name, batch.jobs) == ("walk/1", 3)
-        made = list(plateau.all_jobs(batch="walk/1"))[::-1]
-        assert [job.id for job in made] == batch.job_ids
-        assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
-        assert {job.name for job in made} == {"walk"}
-        assert len(plateau.scenes()) == 1
-        # Each draws samples of its own, unless it is asked for the same ones
-        assert [job.spec.seed for job in made] == [0, 1, 2]
-        # It can be submitted again by its hash, and repeated
-        again = plateau.submit_batch(
-            made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
-        )
-        same = plateau.submit_batch(
-            made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
-        )
-        assert same.job_ids == again.job_ids
-        assert [line.name for line in plateau.all_batches()] == ["b", "walk/1"]
-        with pytest.raises(InvalidSpec):
-            plateau.submit_batch(walk, [])
+def test_the_client_submits_a_scene_once_for_many_jobs(plateau: Client, walk: Path) -> None:
+    spec = JobSpec(batch="walk", max_spp=200, parameters={"light": 1})
+    with pytest.raises(ApiError) as caught:  # the scene has no light
+        plateau.submit_batch(walk, [{"frame": 0}], spec)
+    assert caught.value.slug == "broken-scene"
+    spec = JobSpec(batch="walk/1", max_spp=200, parameters={"frame": 2})
+    batch = plateau.submit_batch(walk, [{"frame": 0}, {}, {"frame": 1}], spec)
+    assert (batch.name, batch.jobs) == ("walk/1", 3)
+    made = list(plateau.all_jobs(batch="walk/1"))[::-1]
+    assert [job.id for job in made] == batch.job_ids
+    assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
+    assert {job.name for job in made} == {"walk"}
+    assert len(plateau.scenes()) == 1
+    # Each draws samples of its own, unless it is asked for the same ones
+    assert [job.spec.seed for job in made] == [0, 1, 2]
+    # It can be submitted again by its hash, and repeated
+    again = plateau.submit_batch(
+        made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
+    )
+    same = plateau.submit_batch(
+        made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
+    )
+    assert same.job_ids == again.job_ids
+    assert [line.name for line in plateau.all_batches()] == ["b", "walk/1"]
+    with pytest.raises(InvalidSpec):
+        plateau.submit_batch(walk, [])
 
 
 class TestLists:

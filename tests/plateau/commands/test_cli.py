@@ -22,10 +22,9 @@ from tests.support.processes.commands import plateau
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 
 
-class TestScenesOfOurOwn:
-    def test_a_file_whose_name_has_a_colon_is_a_file(self, tmp_path: Path) -> None:
-        code, _, error = plateau("render", str(tmp_path / "scenes:box"))
-        assert (code, "there is no such file" in error) == (1, True)
+def test_a_file_whose_name_has_a_colon_is_a_file(tmp_path: Path) -> None:
+    code, _, error = plateau("render", str(tmp_path / "scenes:box"))
+    assert (code, "there is no such file" in error) == (1, True)
 
 
 #: These answer nothing, but for one whose answer is a file of a form of its own.

@@ -115,45 +115,43 @@ def moments(client: redis.Redis, job: StagedJob, **ago_s: float) -> float:
     return now + 1000 * ago_s["created"]
 
 
-class TestFetch:
-    def test_takes_what_there_is_of_a_job_that_runs(
-        self, job: StagedJob, store: Blobs, tmp_path: Path
-    ) -> None:
-        job.picture(store, "image.png", b"a picture")
-        out = tmp_path / "out"
-        code, said, _ = plateau("fetch", job.id, "-o", str(out))
-        assert code == 0
-        written = {Path(line).name for line in said.splitlines()}
-        assert written == {
-            "image.png",
-            "curve.csv",
-            "curve.svg",
-            "summary.txt",
-            "summary.json",
-        }
-        assert (out / "image.png").read_bytes() == b"a picture"
-        about = json.loads(plateau("fetch", job.id, "-o", str(out), "--json")[1])
-        assert (about["state"], len(about["files"])) == ("rendering", 5)
+def test_fetch_takes_what_there_is_of_a_job_that_runs(
+    job: StagedJob, store: Blobs, tmp_path: Path
+) -> None:
+    job.picture(store, "image.png", b"a picture")
+    out = tmp_path / "out"
+    code, said, _ = plateau("fetch", job.id, "-o", str(out))
+    assert code == 0
+    written = {Path(line).name for line in said.splitlines()}
+    assert written == {
+        "image.png",
+        "curve.csv",
+        "curve.svg",
+        "summary.txt",
+        "summary.json",
+    }
+    assert (out / "image.png").read_bytes() == b"a picture"
+    about = json.loads(plateau("fetch", job.id, "-o", str(out), "--json")[1])
+    assert (about["state"], len(about["files"])) == ("rendering", 5)
 
 
-class TestWatch:
-    def test_streams_events_as_lines_of_json(self, job: StagedJob) -> None:
-        job.end(JobState.CANCELLED, "cancelled by a user")
-        job.finish(200)
-        code, out, err = plateau("watch", job.id, "--events")
-        assert (code, err) == (4, "")
-        events = [json.loads(line) for line in out.splitlines()]
-        assert [event["type"] for event in events][-5:] == [
-            "point",
-            "point",
-            "state",
-            "image",
-            "finished",
-        ]
-        assert events[-4]["data"]["visible_pixels"] == 9
-        for more in (["--json"], ["-o", "out"]):
-            code, _, err = plateau("watch", job.id, "--events", *more)
-            assert (code, "--events cannot be combined" in err) == (2, True)
+def test_watch_streams_events_as_lines_of_json(job: StagedJob) -> None:
+    job.end(JobState.CANCELLED, "cancelled by a user")
+    job.finish(200)
+    code, out, err = plateau("watch", job.id, "--events")
+    assert (code, err) == (4, "")
+    events = [json.loads(line) for line in out.splitlines()]
+    assert [event["type"] for event in events][-5:] == [
+        "point",
+        "point",
+        "state",
+        "image",
+        "finished",
+    ]
+    assert events[-4]["data"]["visible_pixels"] == 9
+    for more in (["--json"], ["-o", "out"]):
+        code, _, err = plateau("watch", job.id, "--events", *more)
+        assert (code, "--events cannot be combined" in err) == (2, True)
 
 
 class TestFarm:

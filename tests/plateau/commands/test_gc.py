@@ -105,8 +105,7 @@ def test_the_settings_set_the_limits_too(tmp_path: Path, data: Path) -> None:
 
 
 def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
-    up = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
-    try:
+    with Command("up", "--workers", "0", "--port", "0", folder=tmp_path) as up:
         up.wait_for(READY)
         gc = Command("gc", "--results-older-than", "0", folder=tmp_path)  # as a real command, once
         assert gc.exit_code() == 0, gc.said
@@ -116,8 +115,6 @@ def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
             assert len(jobs) == 1
         up.process.send_signal(signal.SIGTERM)
         assert up.exit_code() == 0, up.said
-    finally:
-        up.end()
 
 
 def test_it_works_on_a_farm_of_many_machines(

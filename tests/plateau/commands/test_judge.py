@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from plateau.errors import CommandFailed
-from plateau.farm.images.exr import Partial, Pixels, encode_partial
+from plateau.farm.images.exr import Pixels, encode_partial
 from plateau.farm.model.spec import JobSpec
 from plateau.picture.series import CannotJudge, find_series, judge_series
 from tests.support.farms.noise_farm import noise_film
-from tests.support.images.plain_exr import encode_image
+from tests.support.images.plain_exr import encode_image, partial_of
 from tests.support.processes.commands import plateau as command
 
 SLICES = 40
@@ -28,18 +28,8 @@ SPEC = JobSpec.model_validate(
 
 
 def partial(index: int, job_id: str = "j", film: Pixels | None = None) -> bytes:
-    return encode_partial(
-        Partial(
-            job_id=job_id,
-            index=index,
-            first_seed=index,
-            last_seed=index,
-            spp=10,
-            variant="scalar_rgb",
-            scene_sha256="00",
-            pixels=noise_film(index, 10, 0.5) if film is None else film,
-        )
-    )
+    film = noise_film(index, 10, 0.5) if film is None else film
+    return encode_partial(partial_of(film, index, job_id=job_id, spp=10))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import json
 import re
 import signal
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"
@@ -45,15 +46,7 @@ def say(tmp_path: Path) -> Say:
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts a command on the test's data folder; none outlives the test."""
-    started: list[Command] = []
-
-    def run(*arguments: str, **environment: str) -> Command:
-        started.append(Command(*arguments, folder=tmp_path, **environment))
-        return started[-1]
-
-    yield run
-    for command in started:
-        command.end()
+    yield from starting(partial(Command, folder=tmp_path))
 
 
 class TestTheCommands:

@@ -86,17 +86,16 @@ def test_show_names_what_is_not_delivered(client: redis.Redis) -> None:
     assert line.endswith("UTC: the receiver answered 410")
 
 
-class TestNotify:
-    def test_tells_whether_a_target_took_a_test_message(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        answers = lambda number, _: OK if number == 1 else (500, {})  # noqa: E731
-        with receiving(answers) as receiver:
-            file = tmp_path / "targets"
-            file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}\n")
-            monkeypatch.setenv("PLATEAU_NOTIFY_FILE", str(file))
-            assert plateau("doctor", "--notify", "ops") == (0, "ops was notified\n", "")
-            code, _, error = plateau("doctor", "--notify", "ops")
-        assert (code, "ops was not notified" in error, "500" in error) == (1, True, True)
-        code, _, error = plateau("doctor", "--notify", "boss")
-        assert (code, "PLATEAU_NOTIFY_FILE names: ops" in error) == (1, True)
+def test_doctor_tells_whether_a_target_took_a_test_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = lambda number, _: OK if number == 1 else (500, {})  # noqa: E731
+    with receiving(answers) as receiver:
+        file = tmp_path / "targets"
+        file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}\n")
+        monkeypatch.setenv("PLATEAU_NOTIFY_FILE", str(file))
+        assert plateau("doctor", "--notify", "ops") == (0, "ops was notified\n", "")
+        code, _, error = plateau("doctor", "--notify", "ops")
+    assert (code, "ops was not notified" in error, "500" in error) == (1, True, True)
+    code, _, error = plateau("doctor", "--notify", "boss")
+    assert (code, "PLATEAU_NOTIFY_FILE names: ops" in error) == (1, True)

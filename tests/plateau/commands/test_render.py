@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.long_tests import rare
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
@@ -24,7 +24,6 @@ Render = Callable[..., Command]
 
 @pytest.fixture
 def render(tmp_path: Path) -> Iterator[Render]:
-    started: list[Command] = []
     (tmp_path / "floor.xml").write_bytes(FLOOR)
 
     def start(*options: str, text: bytes = FLOOR, hides_gpus: bool = False) -> Command:
@@ -35,12 +34,9 @@ def render(tmp_path: Path) -> Iterator[Render]:
         arguments = ("render", str(path), "-o", out, "--variant", "scalar_rgb", *options)
         leases = {"PLATEAU_LEASE_S": "2"}
         gpus = {"CUDA_VISIBLE_DEVICES": ""} if hides_gpus else {}
-        started.append(Command(*arguments, folder=tmp_path, **leases, **gpus))
-        return started[-1]
+        return Command(*arguments, folder=tmp_path, **leases, **gpus)
 
-    yield start
-    for command in started:
-        command.end()
+    yield from starting(start)
 
 
 def left_nothing(command: Command) -> None:

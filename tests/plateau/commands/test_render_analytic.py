@@ -20,9 +20,8 @@ def render(tmp_path: Path) -> Iterator[Command]:
     path = tmp_path / "checks.json"
     path.write_text(json.dumps({"analytic": 1, **SIZE, "light": "checks", "level": 0.2}))
     arguments = ("-o", str(tmp_path / "out"), "--workers", "2", "--threads", "1", "--step", "50")
-    command = Command("render", str(path), *arguments, "--rule", "visible", folder=tmp_path)
-    yield command
-    command.end()
+    with Command("render", str(path), *arguments, "--rule", "visible", folder=tmp_path) as command:
+        yield command
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
 from tests.support.farms.bench import SCENE, Bench
 from tests.support.long_tests import rare
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
 Run = Callable[..., Command]
@@ -31,8 +31,6 @@ def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> 
 
 @pytest.fixture
 def run(redis_url: str, store: Blobs, tmp_path: Path, cache: Path) -> Iterator[Run]:
-    started: list[Command] = []
-
     def start(*arguments: str, log_format: str = "json", **environment: str) -> Command:
         settings = {
             "PLATEAU_REDIS_URL": redis_url,
@@ -41,12 +39,9 @@ def run(redis_url: str, store: Blobs, tmp_path: Path, cache: Path) -> Iterator[R
             "PLATEAU_LOG_FORMAT": log_format,
             **environment,
         }
-        started.append(Command(*arguments, folder=tmp_path, **settings))
-        return started[-1]
+        return Command(*arguments, folder=tmp_path, **settings)
 
-    yield start
-    for command in started:
-        command.end()
+    yield from starting(start)
 
 
 def lines(command: Command) -> list[dict[str, Any]]:

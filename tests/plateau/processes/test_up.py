@@ -15,7 +15,7 @@ import pytest
 from plateau.client import Client
 from plateau.worker.confinement.capabilities import drop_capabilities
 from tests.support.long_tests import rare
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 from tests.support.scenes.bundles import scene
 from tests.support.until import until
 
@@ -39,23 +39,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def service(folder: Path) -> Iterator[Command]:
     """A service that tests share; the last of them stops it."""
-    command = started(folder)
-    yield command
-    command.end()
+    with started(folder) as command:
+        yield command
 
 
 @pytest.fixture
 def up(folder: Path) -> Iterator[Up]:
     """Starts another in the folder of the shared one, or elsewhere; none outlives the test."""
-    commands: list[Command] = []
 
     def start(*arguments: str, folder: Path = folder, **more: Any) -> Command:
-        commands.append(started(folder, *arguments, **more))
-        return commands[-1]
+        return started(folder, *arguments, **more)
 
-    yield start
-    for command in commands:
-        command.end()
+    yield from starting(start)
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from plateau.rendering.outputs import write_results
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
+from tests.support.threads import working
 
 SLICES = 12
 #: Each connection has one answer: who sent a second request could meet its end.
@@ -47,31 +48,30 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-class TestSlices:
-    def test_that_are_there_are_not_fetched_again(
-        self, farm: NoiseFarm, redis_url: str, tmp_path: Path
-    ) -> None:
-        job, other = job_with_slices(farm), job_with_slices(farm)
-        slices = tmp_path / "out" / "slices"
-        with live_api(redis_url, farm.store) as url, Client(url) as plateau:
-            write_results(plateau, plateau.job(job.id), tmp_path / "out")
-            fetched = content(slices)
-            assert fetched == {
-                f"{index:06d}.exr": farm.store.get(record["blob"])
-                for index, record in farm.jobs.ledger(job.id).items()
-            }
-            # Given one that is missing, one that is damaged, and one of another job
-            (slices / "000002.exr").unlink()
-            (slices / "000003.exr").write_bytes(fetched["000003.exr"][:-1])
-            plateau.download(other.id, "slices/4.exr", slices / "000004.exr")
-            assert (slices / "000004.exr").read_bytes() != fetched["000004.exr"]
-            before = {path.name: _stamp(path) for path in slices.iterdir()}
-            # When the job is fetched again
-            write_results(plateau, plateau.job(job.id), tmp_path / "out")
-        # Then these three are as they should be, and the others are the very same files
-        assert content(slices) == fetched
-        same = {path.name for path in slices.iterdir() if before.get(path.name) == _stamp(path)}
-        assert same == set(fetched) - {"000002.exr", "000003.exr", "000004.exr"}
+def test_slices_that_are_there_are_not_fetched_again(
+    farm: NoiseFarm, redis_url: str, tmp_path: Path
+) -> None:
+    job, other = job_with_slices(farm), job_with_slices(farm)
+    slices = tmp_path / "out" / "slices"
+    with live_api(redis_url, farm.store) as url, Client(url) as plateau:
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+        fetched = content(slices)
+        assert fetched == {
+            f"{index:06d}.exr": farm.store.get(record["blob"])
+            for index, record in farm.jobs.ledger(job.id).items()
+        }
+        # Given one that is missing, one that is damaged, and one of another job
+        (slices / "000002.exr").unlink()
+        (slices / "000003.exr").write_bytes(fetched["000003.exr"][:-1])
+        plateau.download(other.id, "slices/4.exr", slices / "000004.exr")
+        assert (slices / "000004.exr").read_bytes() != fetched["000004.exr"]
+        before = {path.name: _stamp(path) for path in slices.iterdir()}
+        # When the job is fetched again
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+    # Then these three are as they should be, and the others are the very same files
+    assert content(slices) == fetched
+    same = {path.name for path in slices.iterdir() if before.get(path.name) == _stamp(path)}
+    assert same == set(fetched) - {"000002.exr", "000003.exr", "000004.exr"}
 
 
 def _stamp(path: Path) -> tuple[int, int]:
@@ -131,14 +131,11 @@ def _always(answer: bytes) -> Iterator[str]:
                 connection.recv(65536)
                 connection.sendall(answer)
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.getsockname()[1]}"
-        finally:
-            server.shutdown(socket.SHUT_RDWR)
-            thread.join()
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        working(serve, lambda: server.shutdown(socket.SHUT_RDWR)),
+    ):
+        yield f"http://127.0.0.1:{server.getsockname()[1]}"
 
 
 def test_a_file_that_was_changed_on_its_way_is_not_kept(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,8 @@ Execute = Callable[..., list[Outputs]]
 
 
 @pytest.fixture
-def execute(tmp_path: Path) -> Iterator[Execute]:
+def execute(tmp_path: Path) -> Execute:
     """Runs a notebook in a fresh folder; returns the outputs of each of its code cells."""
-    started: list[Command] = []
 
     def run(notebook: dict[str, Any], *options: str) -> list[Outputs]:
         (tmp_path / "run.ipynb").write_text(json.dumps(notebook))
@@ -27,18 +26,15 @@ def execute(tmp_path: Path) -> Iterator[Execute]:
         home = {"HOME": str(tmp_path), "PYTHONPATH": str(DOCUMENTED.parents[1])}
         arguments = (str(tmp_path / "run.ipynb"), *options)
         program = ("-W", "ignore", "-m", "tests.support.processes.notebook")
-        command = Command(*arguments, program=program, folder=tmp_path, **home)
-        started.append(command)
-        assert command.exit_code(200) == 0, command.said
-        command.is_gone()
-        assert list(command.temporary.iterdir()) == []
+        with Command(*arguments, program=program, folder=tmp_path, **home) as command:
+            assert command.exit_code(200) == 0, command.said
+            command.is_gone()
+            assert list(command.temporary.iterdir()) == []
         said = command.said
         cells = json.loads(said[said.index("\n{") if not said.startswith("{") else 0 :])["cells"]
         return [cell["outputs"] for cell in cells if cell["cell_type"] == "code"]
 
-    yield run
-    for command in started:
-        command.end()
+    return run
 
 
 def shown(output: dict[str, Any]) -> str:

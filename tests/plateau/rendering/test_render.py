@@ -13,7 +13,7 @@ from plateau import InvalidSpec, RenderFailed, Result
 from plateau.errors import CommandFailed
 from plateau.farm.bundle import BundleError
 from tests.support.farms.real_farm import RealFarm
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 
 #: A scene that needs no Mitsuba.
 CHECKS = {"analytic": 1, "width": 40, "height": 30, "light": "checks", "level": 0.2}
@@ -39,16 +39,12 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
     """Runs the program in a folder with ``checks.json``."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "checks.json").write_text(json.dumps(CHECKS))
-    started: list[Command] = []
 
     def start(scene: str = "'checks.json'", *, room: int = 0, **options: object) -> Command:
         program = PROGRAM.format(scene=scene, room=room, options=options)
-        started.append(Command(program=("-c", program), folder=tmp_path))
-        return started[-1]
+        return Command(program=("-c", program), folder=tmp_path)
 
-    yield start
-    for command in started:
-        command.end()
+    yield from starting(start)
 
 
 def result_of(command: Command) -> Result:

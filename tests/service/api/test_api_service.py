@@ -47,35 +47,34 @@ class TestStrangers:
         assert submit(http, headers={"Origin": origin}).status_code == 201
 
 
-class TestWithoutRedis:
-    def test_a_stream_of_events_survives_its_restart(self, tmp_path: Path) -> None:
-        # Given a service and someone who watches a job
-        before = EmbeddedRedis(tmp_path / "redis")
-        job = StagedJob(connect(before.url))
-        heard: list[str] = []
-        with live_api(before.url, Blobs(str(tmp_path / "blobs"))) as api:
+def test_a_stream_of_events_survives_a_restart_of_redis(tmp_path: Path) -> None:
+    # Given a service and someone who watches a job
+    before = EmbeddedRedis(tmp_path / "redis")
+    job = StagedJob(connect(before.url))
+    heard: list[str] = []
+    with live_api(before.url, Blobs(str(tmp_path / "blobs"))) as api:
 
-            def watch() -> None:
-                with httpx.stream("GET", f"{api}/v1/jobs/{job.id}/events", timeout=600) as answer:
-                    for line in answer.iter_lines():
-                        heard.extend(re.findall(r"^event: (\w+)", line))
+        def watch() -> None:
+            with httpx.stream("GET", f"{api}/v1/jobs/{job.id}/events", timeout=600) as answer:
+                for line in answer.iter_lines():
+                    heard.extend(re.findall(r"^event: (\w+)", line))
 
-            watcher = threading.Thread(target=watch)
-            watcher.start()
-            until(lambda: heard == ["state"])
-            # If Redis goes, and comes back
-            before.stop()
-            after = EmbeddedRedis(tmp_path / "redis")
-            assert after.url == before.url
-            # Then what happens since is heard, once
-            try:
-                job.commit()
-                job.end()
-                job.finish()
-                watcher.join(60)
-            finally:
-                after.stop()
-        assert heard == ["state", "state", "slice", "state", "image", "finished"]
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        until(lambda: heard == ["state"])
+        # If Redis goes, and comes back
+        before.stop()
+        after = EmbeddedRedis(tmp_path / "redis")
+        assert after.url == before.url
+        # Then what happens since is heard, once
+        try:
+            job.commit()
+            job.end()
+            job.finish()
+            watcher.join(60)
+        finally:
+            after.stop()
+    assert heard == ["state", "state", "slice", "state", "image", "finished"]
 
 
 def test_a_stopping_api_does_not_wait_for_who_watches(

@@ -22,6 +22,7 @@ from plateau.farm.process.waits import Stop
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import VariantChoice, probe
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import own
 from tests.support.processes.relatives import children_running
 
 
@@ -66,8 +67,7 @@ class Bench:
             name="ball",
             scene_sha256=sha256,
         ).job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, job.id)
         self.owners.plan(owned, range(slices))
         return job, owned
 

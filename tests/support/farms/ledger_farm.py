@@ -31,11 +31,9 @@ class LedgerFarm:
         made = self.jobs.create(
             JobSpec(**FRAMES | spec), name="box", scene_sha256="00", owner=owner
         )
-        job = made.job
-        owned = self.owners.acquire(job.id)
-        assert owned is not None
+        owned = own(self.owners, made.job.id)
         self.owners.plan(owned, range(slices))
-        return job, owned
+        return made.job, owned
 
     def runs_out(self, held: Lease) -> None:
         runs_out(self.client, held)
@@ -50,20 +48,39 @@ def runs_out(client: redis.Redis, held: Lease) -> None:
     client.zadd(keys.WORKERS, {at: 1}, xx=True)
 
 
-def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
-    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+def own(owners: Ownerships, job_id: str) -> Ownership:
+    """The job becomes this monitor's: it is no other's."""
+    owned = owners.acquire(job_id)
+    assert owned is not None
+    return owned
+
+
+def lease(
+    worker: SliceQueue,
+    loaded: str | None = None,
+    *,
+    in_turn: bool = False,
+    variants: tuple[str, ...] = VARIANTS,
+) -> Lease:
+    """The slice that the worker is given: there is one."""
+    found = worker.lease(variants, loaded, in_turn=in_turn)
     assert found is not None
     return found
 
 
-def record_of(held: Lease, *, first_seed: int | None = None, **other: object) -> SliceRecord:
-    """What a worker commits of the slice."""
-    first = 10 * held.index if first_seed is None else first_seed
+def lease_scalar(worker: SliceQueue) -> Lease:
+    """The slice that a worker without LLVM is given."""
+    return lease(worker, variants=("scalar_rgb",))
+
+
+def record_of(held: Lease, seeds: tuple[int, int] | None = None, **other: object) -> SliceRecord:
+    """What a worker commits of the slice: of these seeds, both ends included, if it matters."""
+    first, last = seeds or (10 * held.index, 10 * held.index + 2)
     known = {
         "index": held.index,
         "spp": held.spec.slice_spp,
         "first_seed": first,
-        "last_seed": first + 2,
+        "last_seed": last,
         "blob": f"partial-{held.index}",
         "sha256": "00",
         "worker": "w",

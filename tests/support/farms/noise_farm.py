@@ -5,7 +5,6 @@ index, and a single pass of the analytic renderer.
 """
 
 import hashlib
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -20,7 +19,7 @@ from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedRange
 from plateau.farm.model.slices.rounds import slice_zones
@@ -31,6 +30,8 @@ from plateau.farm.process.waits import Stop
 from plateau.service.monitor.monitor import Monitor
 from plateau.worker.renderers.analytic.picture import Picture
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import record_of
+from tests.support.threads import working
 from tests.support.until import until
 
 SIZE = (24, 32)  # height, width
@@ -99,13 +100,8 @@ class NoiseFarm:
         """A monitor in a thread; left to itself at the end, as if it had been stopped."""
         stop = Stop()
         monitor = Monitor(self.settings, self.store)
-        thread = threading.Thread(target=monitor.run, args=(stop,))
-        thread.start()
-        try:
+        with working(lambda: monitor.run(stop), stop.set):
             yield monitor
-        finally:
-            stop.set()
-            thread.join()
 
     def picture(self, job: Job, name: str) -> bytes:
         return self.store.get(f"{self.jobs.results(job.id)}/{name}")
@@ -164,16 +160,9 @@ class NoiseFarm:
         content = self._partial(lease, spp, film)
         name = blobs.partial(lease.job_id, lease.index, "noise")
         self.store.put(name, content)
-        first_seed, last_seed = self._seeds(lease)
-        record = SliceRecord(
-            index=lease.index,
-            spp=spp,
-            first_seed=first_seed,
-            last_seed=last_seed,
-            blob=name,
-            sha256=hashlib.sha256(content).hexdigest(),
-            worker="noise",
-            render_s=0.01,
+        sha256, seeds = hashlib.sha256(content).hexdigest(), self._seeds(lease)
+        record = record_of(
+            lease, seeds, spp=spp, blob=name, sha256=sha256, worker="noise", render_s=0.01
         )
         answer = self.queue.commit(lease, record, width=self.size[1], height=self.size[0], notes=())
         if answer == "ended":  # as a worker does

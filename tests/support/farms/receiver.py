@@ -11,6 +11,8 @@ from typing import Any
 
 from standardwebhooks import Webhook
 
+from tests.support.threads import working
+
 #: A secret of Standard Webhooks.
 SECRET = "whsec_" + "c2VjcmV0IG9mIGEgdGVzdCwgMzIgYnl0ZXMgbG9uZyE="
 
@@ -101,14 +103,8 @@ def receiving(
         server.socket = tls.wrap_socket(server.socket, server_side=True)
     scheme = "http" if tls is None else "https"
     receiver.url = f"{scheme}://127.0.0.1:{server.server_port}/hook?from=plateau"
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    try:
+    with server, working(lambda: server.serve_forever(0.05), server.shutdown):
         yield receiver
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 def hangs(seconds: float) -> Callable[[int, Received], Answer]:

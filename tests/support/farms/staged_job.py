@@ -8,10 +8,11 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import EndedBy, JobState
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import lease_scalar, own, record_of
 
 WIDTH, HEIGHT = 32, 24
 WORKER = "worker-1"
@@ -32,9 +33,7 @@ class StagedJob:
         self.id = job_id
         self.spec = jobs.get(job_id).spec
         self._owners = Ownerships(client, lease_s=60)
-        owned = self._owners.acquire(self.id)
-        assert owned is not None
-        self._owned = owned
+        self._owned = own(self._owners, self.id)
         self._digests: dict[str, str] = {}  # of its pictures
         self._queue = SliceQueue(client, WORKER, lease_s=60)
         self._planned = 0
@@ -49,7 +48,7 @@ class StagedJob:
         """Plan and lease one more slice, and die on it; it is the next that is committed."""
         self.plan()
         self._put_back += 1
-        self._queue.died(self._lease(self._queue), cause, 0.2, said)
+        self._queue.died(lease_scalar(self._queue), cause, 0.2, said)
 
     def commit(
         self, slices: int = 1, said: str = "", partial: bytes = PARTIAL, worker: str = WORKER
@@ -60,16 +59,12 @@ class StagedJob:
                 self._put_back -= 1
             else:
                 self.plan()
-            own = worker == WORKER
-            queue = self._queue if own else SliceQueue(self._client, worker, lease_s=60)
-            lease = self._lease(queue)
+            queue = self._queue if worker == WORKER else SliceQueue(self._client, worker, 60)
+            lease = lease_scalar(queue)
             schedule = lease.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
-            first_seed, last_seed = schedule.seed_range(lease.index)
-            record = SliceRecord(
-                index=lease.index,
-                spp=self.spec.slice_spp,
-                first_seed=first_seed,
-                last_seed=last_seed,
+            record = record_of(
+                lease,
+                schedule.seed_range(lease.index),
                 blob=self.slice_blob(lease.index),
                 sha256=hashlib.sha256(partial).hexdigest(),
                 worker=worker,
@@ -81,11 +76,6 @@ class StagedJob:
     def slice_blob(self, index: int) -> str:
         """Where a slice is, as the ledger says."""
         return blobs.partial(self.id, index, "staged")
-
-    def _lease(self, queue: SliceQueue) -> Lease:
-        lease = queue.lease(("scalar_rgb",), None, in_turn=False)
-        assert lease is not None
-        return lease
 
     def point(self, spp: int, visible: int, slope: float | None = None, **more: object) -> None:
         """Append a point to the curve, with more of its fields where they are given."""

@@ -10,6 +10,7 @@ from plateau.farm.model.states import JobState
 from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
 from plateau.service.monitor.result_sets import ResultSets
+from tests.support.farms.ledger_farm import own
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
 
 SCREEN: Final = {"viewing_distance_cm": 60.0, "pixel_pitch_mm": 0.25}
@@ -32,8 +33,7 @@ def ended_job(
     given = {"step": spp, "slice_spp": slice_spp, "max_spp": spp, "keep_slices": True}
     job = farm.submit(name, **{**given, **spec})
     owners = Ownerships(farm.jobs._redis, lease_s=600)
-    owned = owners.acquire(job.id)
-    assert owned is not None
+    owned = own(owners, job.id)
     owners.plan(owned, range(slices))
     merge = Merge(slice_spp=slice_spp)
     for _ in range(slices):

@@ -10,6 +10,7 @@ import contextlib
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -76,6 +77,10 @@ class LoopDisk:
             file.truncate(max(0, file.tell() - leaving))
         return ballast
 
+    def free(self) -> None:
+        """Give back the room that `fill` took."""
+        (self.folder / "ballast").unlink()
+
     def make_read_only(self) -> None:
         """Mount it anew so that nothing can be written, as soon as nothing is being written."""
         until(lambda: subprocess.call(["mount", "-o", "remount,ro", self.folder]) == 0)
@@ -84,13 +89,14 @@ class LoopDisk:
         """Mount it anew as it was."""
         _run("mount", "-o", "remount,rw", str(self.folder))
 
-    def freeze(self) -> None:
-        """Have every write wait until `thaw`; no signal ends such a wait."""
+    @contextlib.contextmanager
+    def frozen(self) -> Iterator[None]:
+        """Have every write wait while the context lasts; no signal ends such a wait."""
         _run("fsfreeze", "--freeze", str(self.folder))
-
-    def thaw(self) -> None:
-        """Let the writes go on."""
-        _run("fsfreeze", "--unfreeze", str(self.folder))
+        try:
+            yield
+        finally:
+            _run("fsfreeze", "--unfreeze", str(self.folder))
 
     def after_power_loss(self, home: Path) -> "LoopDisk":
         """The disk as it is now, without what the kernel still has in memory: another, to mount."""

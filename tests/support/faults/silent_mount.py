@@ -1,7 +1,7 @@
 """A network mount that stops: whoever looks into its folder waits until the context ends.
 
 It is a FUSE mount whose other end answers the kernel's greeting, and nothing after that. A wait for
-it is one that signals can end, in which it is unlike a frozen disk (`LoopDisk.freeze`).
+it is one that signals can end, in which it is unlike a frozen disk (`LoopDisk.frozen`).
 """
 
 import contextlib

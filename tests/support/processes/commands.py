@@ -6,7 +6,8 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
@@ -24,7 +25,7 @@ def plateau(*arguments: object) -> tuple[int, str, str]:
 
 
 class Command:
-    """A ``plateau`` command under way.
+    """A ``plateau`` command under way; as a context manager, it has ended when that is left.
 
     Parameters
     ----------
@@ -71,6 +72,12 @@ class Command:
                 },
             )
         self._seen: dict[int, psutil.Process] = {}
+
+    def __enter__(self) -> "Command":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
 
     @property
     def said(self) -> str:
@@ -119,6 +126,12 @@ class Command:
             one.kill()
         self.process.kill()
         self.process.wait()
+
+
+def starting(start: Callable[..., Command]) -> Iterator[Callable[..., Command]]:
+    """What starts commands, none of which outlives the fixture that yields from this."""
+    with ExitStack() as stack:
+        yield lambda *given, **more: stack.enter_context(start(*given, **more))
 
 
 def _runs(process: psutil.Process) -> bool:

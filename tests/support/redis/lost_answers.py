@@ -33,6 +33,7 @@ from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 from tests.support import FRAMES
+from tests.support.farms.ledger_farm import lease_scalar, own, record_of
 from tests.support.farms.receiver import SECRET
 
 WORKER, OTHER = "worker-1", "worker-2"
@@ -76,10 +77,8 @@ class World:
         made = Jobs(self.direct).create(wanted, name="box.xml", scene_sha256="0" * 64)
         if owned:
             owners = Ownerships(self.direct, LEASE_S)
-            found = owners.acquire(made.job.id)
-            assert found is not None
-            self.owned: Ownership = found
-            owners.plan(found, range(slices))
+            self.owned = own(owners, made.job.id)
+            owners.plan(self.owned, range(slices))
         return made.job.id
 
     def leased(self, **spec: Any) -> Lease:
@@ -89,9 +88,7 @@ class World:
 
     def another(self) -> Lease:
         """The next slice that the worker has leased."""
-        lease = SliceQueue(self.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
-        assert lease is not None
-        return lease
+        return lease_scalar(SliceQueue(self.direct, WORKER, LEASE_S))
 
     def committed(self, **spec: Any) -> Lease:
         """A slice that was committed by the worker."""
@@ -145,17 +142,8 @@ CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
 def commit(
     queue: SliceQueue, lease: Lease, blob: str = "a partial", seeds: tuple[int, int] | None = None
 ) -> str:
-    first, last = seeds or (lease.index * 10, lease.index * 10 + 9)
-    record = SliceRecord(
-        index=lease.index,
-        spp=lease.spec.slice_spp,
-        first_seed=first,
-        last_seed=last,
-        blob=blob,
-        sha256="ab" * 32,
-        worker=WORKER,
-        render_s=0.5,
-    )
+    seeds = seeds or (lease.index * 10, lease.index * 10 + 9)
+    record = record_of(lease, seeds, blob=blob, worker=WORKER)
     return queue.commit(lease, record, width=32, height=24, notes=(), said="words")
 
 

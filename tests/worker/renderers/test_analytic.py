@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.bundle.analytic import LIGHTS, NOISES, AnalyticScene
-from plateau.farm.images.exr import Partial, decode_partial, encode_partial
+from plateau.farm.images.exr import decode_partial, encode_partial
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.seeds import Pass, SeedSchedule
 from plateau.farm.model.slices.zones import Zone
@@ -16,6 +16,7 @@ from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.images import independence
+from tests.support.images.plain_exr import partial_of
 
 VARIANT = "analytic:numpy"
 LIMITS = ChildLimits(threads=1, memory_bytes=0, timeout_s=60)
@@ -100,18 +101,7 @@ def test_a_child_renders_zones_of_a_film_and_a_partial_stores_them(child, tmp_pa
     film, _ = child.render(passes, zones=zones)
     expected = [whole[y : y + h, x : x + w].reshape(-1, 4) for x, y, w, h in zones]
     assert np.array_equal(film, np.concatenate(expected))
-    partial = Partial(
-        job_id="0123456789ab",
-        index=2,
-        first_seed=passes[0].seed,
-        last_seed=passes[-1].seed,
-        spp=25,
-        variant=VARIANT,
-        scene_sha256="0" * 64,
-        pixels=film,
-        zones=zones,
-    )
-    read = decode_partial(encode_partial(partial))
+    read = decode_partial(encode_partial(partial_of(film, 2, spp=25, zones=zones)))
     assert read.zones == zones
     assert np.array_equal(read.pixels, film)
 

@@ -1,5 +1,6 @@
 """A renderer from an installed distribution: known everywhere, and rendered by a real worker."""
 
+import itertools
 import json
 import os
 import subprocess
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import decode_image
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, starting
 
 TOY = Path(__file__).parents[2] / "support" / "toy_renderer"
 SIZE = (24, 16)
@@ -22,16 +23,12 @@ Start = Callable[..., Command]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    started: list[Command] = []
+    numbers = itertools.count()
 
     def start(*arguments: str) -> Command:
-        folder = tmp_path / str(len(started))
-        started.append(Command(*arguments, folder=folder, PYTHONPATH=str(TOY)))
-        return started[-1]
+        return Command(*arguments, folder=tmp_path / str(next(numbers)), PYTHONPATH=str(TOY))
 
-    yield start
-    for one in started:
-        one.end()
+    yield from starting(start)
 
 
 def test_a_worker_renders_its_scenes(start: Start, tmp_path: Path) -> None:

@@ -140,8 +140,7 @@ def test_an_installation_that_spoils_images_is_refused_in_words(
         "numpy.array = array\n",
         encoding="utf-8",
     )
-    search = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     trouble = kinds.test("scalar_rgb")
     assert trouble is not None
     assert "a known image is wrong in 100% of its blocks: R is 0.7 where 1 is right" in trouble

@@ -14,7 +14,7 @@ import redis
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
@@ -26,6 +26,7 @@ from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import Probe, VariantChoice
 from tests.support.farms.bench import SCENE, Bench, render_children, scalar, the_child
+from tests.support.farms.ledger_farm import record_of
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.until import until
 
@@ -254,16 +255,7 @@ def test_a_worker_that_was_outrun_stops_at_its_next_pass(bench: Bench) -> None:
         return [lease.index for lease in leased[-1:]] == [index]
 
     def commit() -> str:
-        record = SliceRecord(
-            index=leased[-1].index,
-            spp=2500,
-            first_seed=10 * leased[-1].index,
-            last_seed=10 * leased[-1].index + 1,
-            blob=f"the other's {leased[-1].index}",
-            sha256="00",
-            worker="other",
-            render_s=1.0,
-        )
+        record = record_of(leased[-1], blob=f"the other's {leased[-1].index}", worker="other")
         return other.commit(leased[-1], record, width=512, height=512, notes=())
 
     with bench.worker() as worker:

@@ -14,6 +14,7 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.uploader import Glimpse, Rendered, Uploader
+from tests.support.farms.ledger_farm import lease_scalar
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.faults.odd_s3 import OddS3
 from tests.support.until import until
@@ -31,18 +32,12 @@ def rendered(lease: Lease) -> Rendered:
     )
 
 
-def lease_one(queue: SliceQueue) -> Lease:
-    lease = queue.lease(("scalar_rgb",), None, in_turn=False)
-    assert lease is not None
-    return lease
-
-
 def test_what_waits_is_committed_before_the_worker_stops(client: redis.Redis, store: Blobs) -> None:
     job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
     uploader = Uploader(store, queue, "worker-1")
     for _ in range(3):
         job.plan()
-        assert uploader.submit(rendered(lease_one(queue)), threading.Event())
+        assert uploader.submit(rendered(lease_scalar(queue)), threading.Event())
     uploader.close(30)
     ledger = Jobs(client).ledger(job.id)
     assert sorted(ledger) == [0, 1, 2]
@@ -55,7 +50,7 @@ def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
 ) -> None:
     job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
     job.plan()
-    lease = lease_one(queue)
+    lease = lease_scalar(queue)
     names, quotients = ("R", "G", "B", "W", "light", "colour"), (("light", "colour"),)
     film = np.ones((HEIGHT, WIDTH, 6), np.float32)
     scene = Loaded(width=WIDTH, height=HEIGHT, channels=names, quotients=quotients)
@@ -93,14 +88,14 @@ def test_a_silent_store_holds_up_no_worker_that_stops(
         server.silent.set()
         for _ in range(3):
             job.plan()
-            assert uploader.submit(rendered(lease_one(queue)), threading.Event())
+            assert uploader.submit(rendered(lease_scalar(queue)), threading.Event())
         # When the worker is to stop
         started = time.monotonic()
         uploader.close(0.5)
         # Then it does not wait until the store is given up, and others can have the slices
         assert time.monotonic() - started < 15
         other = SliceQueue(client, "worker-2", lease_s=60)
-        assert sorted(lease_one(other).index for _ in range(3)) == [0, 1, 2]
+        assert sorted(lease_scalar(other).index for _ in range(3)) == [0, 1, 2]
         # And should one of them arrive after all, it counts once
         server.silent.clear()
         until(lambda: all(one.name != "uploader" for one in threading.enumerate()), 60)

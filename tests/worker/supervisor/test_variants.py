@@ -96,8 +96,7 @@ def signalled(tmp_path, monkeypatch):
             f"hit() if {at!r} == 'site' else sys.addaudithook(hook)\n",
             encoding="utf-8",
         )
-        search = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
-        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
+        monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
 
     return arrange
 
@@ -121,8 +120,7 @@ class TestProbe:
             "import ctypes\ntry: ctypes.CDLL('libfancy.so.3')\nexcept OSError: _drjit_ext.__file__",
             encoding="utf-8",
         )
-        search = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
-        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
         assert probe(SCALAR, None).detail == (
             "exited with 1, saying OSError: libfancy.so.3: cannot open shared object file: No such "
             "file or directory"

@@ -257,20 +257,19 @@ def test_a_key_has_so_many_jobs_at_once_and_so_much_room(as_: As) -> None:
         assert submit(sender, scene).status_code == 201
 
 
-class TestWithoutRedis:
-    def test_it_answers_503_never_401(self, redis_url: str, api_store: Blobs) -> None:
-        away = "unix:///nowhere/redis.sock"
-        for access in (Access.UNTIL_KEYS, Access.KEYS):
-            with live_http(away, api_store, access=access) as http:
-                for headers in ({}, {"Authorization": f"Bearer plateau_{'0' * 12}_{'0' * 64}"}):
-                    for answer in (
-                        http.get("/v1/jobs", headers=headers),
-                        http.get("/v1/jobs/0123456789ab", headers=headers),
-                        http.get("/readyz", headers=headers),
-                        http.get("/metrics", headers=headers),
-                        submit(http, headers=headers),
-                    ):
-                        said = problem(answer, 503, "store-unavailable")
-                        assert "Redis cannot be reached" in said["detail"]
-                        assert int(answer.headers["retry-after"]) > 0
-                assert http.get("/healthz").status_code == 200
+def test_without_redis_it_answers_503_never_401(redis_url: str, api_store: Blobs) -> None:
+    away = "unix:///nowhere/redis.sock"
+    for access in (Access.UNTIL_KEYS, Access.KEYS):
+        with live_http(away, api_store, access=access) as http:
+            for headers in ({}, {"Authorization": f"Bearer plateau_{'0' * 12}_{'0' * 64}"}):
+                for answer in (
+                    http.get("/v1/jobs", headers=headers),
+                    http.get("/v1/jobs/0123456789ab", headers=headers),
+                    http.get("/readyz", headers=headers),
+                    http.get("/metrics", headers=headers),
+                    submit(http, headers=headers),
+                ):
+                    said = problem(answer, 503, "store-unavailable")
+                    assert "Redis cannot be reached" in said["detail"]
+                    assert int(answer.headers["retry-after"]) > 0
+            assert http.get("/healthz").status_code == 200

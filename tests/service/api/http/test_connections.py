@@ -128,19 +128,18 @@ class TestAHead:
                 assert any("cancelled" in line for line in parts)
 
 
-class TestABody:
-    def test_that_stops_ends_the_connection(
-        self, url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-    ) -> None:
-        monkeypatch.setattr(server, "BODY_S", 1.0)
-        with connected(url) as connection:
-            body_of(connection, 10**6)
-            assert rest(connection) == b""
-        # And it is counted as a request of a client that has gone, and is no error
-        given_up = '_count{method="POST",route="/v1/jobs",status="4xx"} 1.0'
-        with httpx.Client(base_url=url, verify=False, trust_env=False, timeout=60) as http:
-            until(lambda: given_up in http.get("/metrics").text)
-        assert [one.message for one in caplog.records if one.levelno >= logging.ERROR] == []
+def test_a_body_that_stops_ends_the_connection(
+    url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(server, "BODY_S", 1.0)
+    with connected(url) as connection:
+        body_of(connection, 10**6)
+        assert rest(connection) == b""
+    # And it is counted as a request of a client that has gone, and is no error
+    given_up = '_count{method="POST",route="/v1/jobs",status="4xx"} 1.0'
+    with httpx.Client(base_url=url, verify=False, trust_env=False, timeout=60) as http:
+        until(lambda: given_up in http.get("/metrics").text)
+    assert [one.message for one in caplog.records if one.levelno >= logging.ERROR] == []
 
 
 def test_an_answer_that_nobody_reads_ends_the_connection(

@@ -47,27 +47,24 @@ class TestAMethod:
         assert http.head(f"{root}/cancel").status_code == 405
 
 
-class TestAPath:
-    def test_that_is_not_there_is_a_problem_and_a_page_for_who_looks(
-        self, http: httpx.Client
-    ) -> None:
-        for path in ("/v1", "/v1/jobs/x/y/z", "/v1//jobs", "/V1/jobs", "/%00"):
-            answer = http.get(path)
-            assert answer.status_code == 404
-            assert answer.json()["type"] == "/problems/unknown-path"
-        for path in ("/v1/jobs/", "/healthz/"):
-            for answer in (http.get(path), http.post(path)):
-                found = problem(answer, 404, "unknown-path")
-                assert "without a slash at its end" in found["detail"]
-        looks = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
-        answer = http.get("/job/box", headers=looks)
-        assert (answer.status_code, answer.headers["content-type"]) == (
-            404,
-            "text/html; charset=utf-8",
-        )
-        assert answer.headers["content-security-policy"]
-        problem(http.get("/v1/job/box", headers=looks), 404, "unknown-path")
-        problem(http.post("/job/box", headers=looks), 404, "unknown-path")
+def test_a_path_that_is_not_there_is_a_problem_and_a_page_for_who_looks(http: httpx.Client) -> None:
+    for path in ("/v1", "/v1/jobs/x/y/z", "/v1//jobs", "/V1/jobs", "/%00"):
+        answer = http.get(path)
+        assert answer.status_code == 404
+        assert answer.json()["type"] == "/problems/unknown-path"
+    for path in ("/v1/jobs/", "/healthz/"):
+        for answer in (http.get(path), http.post(path)):
+            found = problem(answer, 404, "unknown-path")
+            assert "without a slash at its end" in found["detail"]
+    looks = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+    answer = http.get("/job/box", headers=looks)
+    assert (answer.status_code, answer.headers["content-type"]) == (
+        404,
+        "text/html; charset=utf-8",
+    )
+    assert answer.headers["content-security-policy"]
+    problem(http.get("/v1/job/box", headers=looks), 404, "unknown-path")
+    problem(http.post("/job/box", headers=looks), 404, "unknown-path")
 
 
 class TestAQueryParameter:

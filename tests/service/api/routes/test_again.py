@@ -233,41 +233,40 @@ def test_on_scalar_variants_the_cap_decides_which_passes_and_seeds_the_samples_h
     assert lost_by(job, remains, JobSpec(**FRAMES, max_spp=to, seed=seed)) == why
 
 
-class TestWhatIsLost:
-    def test_to_changes_that_the_sums_do_not_bear(
-        self, farm: NoiseFarm, client: redis.Redis
-    ) -> None:
-        with farm.monitor():
-            ended = work(farm, farm.submit(**QUICK, parameters={"width": 32}))
-        for why, changed in (
-            ("seed", 1),
-            ("parameters", {"width": "33"}),
-            ("variant", "scalar_rgb"),
-            ("after", ["walk"]),
-            ("view", {"exposure_ev": 1}),
-            ("step", 40),
-            ("keep_slices", True),
-            ("rule", {"name": "multiple"}),
-            ("watch", [{"name": "multiple"}]),
-            ("max_spp", 80),
-        ):
-            assert loses(farm, ended, **{why: changed}) == why
-        # A parameter may be written otherwise
-        same = {"priority": 5, "name": "other", "parameters": {"width": "32"}}
-        assert loses(farm, ended, **same) is None
-        # Sums that went between the look and the start start nothing
-        continuations = Continuations(client)
-        remains = continuations.remains(ended)
-        assert remains is not None
-        client.hdel(keys.job(ended.id), "checkpoint")
-        assert continuations.start(ended, remains, ended.spec) is None
-        assert continuations.remains(ended) is None
-        # And it has to have ended, and to have written its results
-        client.hdel(keys.job(ended.id), "finished_at")
-        with pytest.raises(JobNotEnded, match="its results are being written"):
-            go_on(farm, farm.jobs.get(ended.id))
-        with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
-            go_on(farm, farm.submit(**QUICK))
+def test_sums_are_lost_to_changes_that_they_do_not_bear(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    with farm.monitor():
+        ended = work(farm, farm.submit(**QUICK, parameters={"width": 32}))
+    for why, changed in (
+        ("seed", 1),
+        ("parameters", {"width": "33"}),
+        ("variant", "scalar_rgb"),
+        ("after", ["walk"]),
+        ("view", {"exposure_ev": 1}),
+        ("step", 40),
+        ("keep_slices", True),
+        ("rule", {"name": "multiple"}),
+        ("watch", [{"name": "multiple"}]),
+        ("max_spp", 80),
+    ):
+        assert loses(farm, ended, **{why: changed}) == why
+    # A parameter may be written otherwise
+    same = {"priority": 5, "name": "other", "parameters": {"width": "32"}}
+    assert loses(farm, ended, **same) is None
+    # Sums that went between the look and the start start nothing
+    continuations = Continuations(client)
+    remains = continuations.remains(ended)
+    assert remains is not None
+    client.hdel(keys.job(ended.id), "checkpoint")
+    assert continuations.start(ended, remains, ended.spec) is None
+    assert continuations.remains(ended) is None
+    # And it has to have ended, and to have written its results
+    client.hdel(keys.job(ended.id), "finished_at")
+    with pytest.raises(JobNotEnded, match="its results are being written"):
+        go_on(farm, farm.jobs.get(ended.id))
+    with pytest.raises(JobNotEnded, match="is queued: it has not ended"):
+        go_on(farm, farm.submit(**QUICK))
 
 
 def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:

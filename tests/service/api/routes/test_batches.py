@@ -93,34 +93,33 @@ class TestABatchByItsName:
         assert (refused.status_code, refused.headers["allow"]) == (405, "DELETE, GET, HEAD")
 
 
-class TestASummary:
-    def test_tells_how_far_it_is(self, http: httpx.Client, client: redis.Redis) -> None:
-        batch = submit(http, WIDE, frames(32, 32, 32, batch="b", max_spp=1000)).json()
-        done, rendering, queued = batch["job_ids"]
-        staged = StagedJob(client, done)
-        staged.commit(8)
-        staged.point(200, 3)
-        staged.end()
-        staged.finish(200)
-        staged = StagedJob(client, rendering)
-        staged.commit(4)
-        staged.point(100, 3)
-        found = http.get(batch["links"]["self"]).json()
-        assert found["states"] == {"converged": 1, "rendering": 1, "queued": 1}
-        assert (found["finished"], found["ended_at"]) == (1, None)
-        assert found["spp"] == {"least": 0, "most": 200, "mean": 100}
-        assert found["estimate_fraction"]["least"] == pytest.approx(0.1 / 200)
-        assert found["machine_s"] == pytest.approx(6)
-        assert found["samples_saved"] == 800 * 32 * 24
-        # It has begun with its first job, and ends with its last
-        first = http.get(f"/v1/jobs/{done}").json()
-        assert (found["created_at"], found["started_at"]) == (
-            first["created_at"],
-            first["started_at"],
-        )
-        for job_id in (rendering, queued):
-            last = http.post(f"/v1/jobs/{job_id}/cancel").json()
-        assert http.get(batch["links"]["self"]).json()["ended_at"] == last["ended_at"]
+def test_a_summary_tells_how_far_it_is(http: httpx.Client, client: redis.Redis) -> None:
+    batch = submit(http, WIDE, frames(32, 32, 32, batch="b", max_spp=1000)).json()
+    done, rendering, queued = batch["job_ids"]
+    staged = StagedJob(client, done)
+    staged.commit(8)
+    staged.point(200, 3)
+    staged.end()
+    staged.finish(200)
+    staged = StagedJob(client, rendering)
+    staged.commit(4)
+    staged.point(100, 3)
+    found = http.get(batch["links"]["self"]).json()
+    assert found["states"] == {"converged": 1, "rendering": 1, "queued": 1}
+    assert (found["finished"], found["ended_at"]) == (1, None)
+    assert found["spp"] == {"least": 0, "most": 200, "mean": 100}
+    assert found["estimate_fraction"]["least"] == pytest.approx(0.1 / 200)
+    assert found["machine_s"] == pytest.approx(6)
+    assert found["samples_saved"] == 800 * 32 * 24
+    # It has begun with its first job, and ends with its last
+    first = http.get(f"/v1/jobs/{done}").json()
+    assert (found["created_at"], found["started_at"]) == (
+        first["created_at"],
+        first["started_at"],
+    )
+    for job_id in (rendering, queued):
+        last = http.post(f"/v1/jobs/{job_id}/cancel").json()
+    assert http.get(batch["links"]["self"]).json()["ended_at"] == last["ended_at"]
 
 
 class TestAShot:

@@ -213,27 +213,25 @@ class TestABadUpload:
         problem(http.post("/v1/jobs", json={"step": 1}), 415, "not-multipart")
 
 
-class TestDeletion:
-    def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        for method, call in (("DELETE", ""), ("POST", "/restore")):
-            found = problem(http.request(method, f"/v1/jobs/{job.id}{call}"), 409, "job-not-ended")
-            assert found["state"] == "queued"
-            problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
-            problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
+def test_deletion_refuses_what_has_not_ended(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    for method, call in (("DELETE", ""), ("POST", "/restore")):
+        found = problem(http.request(method, f"/v1/jobs/{job.id}{call}"), 409, "job-not-ended")
+        assert found["state"] == "queued"
+        problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
+        problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
 
 
-class TestChangingThePriority:
-    @pytest.mark.parametrize("announced", [True, False])
-    def test_reads_no_more_of_a_body_than_it_needs(
-        self, http: httpx.Client, announced: bool
-    ) -> None:
-        job = submit(http).json()["id"]
-        body = b'{"priority": 1' + b" " * 2**16 + b"}"
-        content = body if announced else (body[i : i + 9999] for i in range(0, len(body), 9999))
-        headers = {"Content-Type": "application/json"}
-        answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
-        assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
+@pytest.mark.parametrize("announced", [True, False])
+def test_changing_the_priority_reads_no_more_of_a_body_than_it_needs(
+    http: httpx.Client, announced: bool
+) -> None:
+    job = submit(http).json()["id"]
+    body = b'{"priority": 1' + b" " * 2**16 + b"}"
+    content = body if announced else (body[i : i + 9999] for i in range(0, len(body), 9999))
+    headers = {"Content-Type": "application/json"}
+    answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
+    assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
 
 
 def test_an_unknown_job_is_a_404_everywhere(http: httpx.Client, client: redis.Redis) -> None:

@@ -111,21 +111,20 @@ class TestImages:
         assert "at 150 spp" in found["detail"]
 
 
-class TestEvents:
-    def test_go_on_from_the_last_one_seen(self, http: httpx.Client, client: redis.Redis) -> None:
-        job = StagedJob(client)
-        job.commit(2)
-        job.end()
-        job.finish()
-        everything = list(events(http, job.id))
-        for seen, event in enumerate(everything[:-1]):
-            rest = list(events(http, job.id, **{"Last-Event-ID": event.id}))
-            assert rest == everything[seen + 1 :]
-        query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
-        assert [one.type for one in parse_events(query.text.splitlines())] == ["finished"]
-        last = {"Last-Event-ID": everything[-1].id}
-        answer = http.get(f"/v1/jobs/{job.id}/events", headers=last)
-        assert answer.status_code == 204  # on which a browser does not come back
+def test_events_go_on_from_the_last_one_seen(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    job.commit(2)
+    job.end()
+    job.finish()
+    everything = list(events(http, job.id))
+    for seen, event in enumerate(everything[:-1]):
+        rest = list(events(http, job.id, **{"Last-Event-ID": event.id}))
+        assert rest == everything[seen + 1 :]
+    query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
+    assert [one.type for one in parse_events(query.text.splitlines())] == ["finished"]
+    last = {"Last-Event-ID": everything[-1].id}
+    answer = http.get(f"/v1/jobs/{job.id}/events", headers=last)
+    assert answer.status_code == 204  # on which a browser does not come back
 
 
 def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, client: redis.Redis) -> None:

@@ -10,7 +10,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis.keys import MOST_NEEDS
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.api_calls import problem
-from tests.support.farms.ledger_farm import about
+from tests.support.farms.ledger_farm import about, own
 
 
 def test_demand_is_counted_for_the_variants_of_a_pool(
@@ -19,9 +19,7 @@ def test_demand_is_counted_for_the_variants_of_a_pool(
     jobs, owners = Jobs(client), Ownerships(client, lease_s=60)
     for variant, slices in (("cuda_ad_rgb", 2), ("scalar_rgb", 3)):
         job = jobs.create(JobSpec(variant=variant), name="box", scene_sha256="00").job
-        owned = owners.acquire(job.id)
-        assert owned is not None
-        owners.plan(owned, range(slices))
+        owners.plan(own(owners, job.id), range(slices))
     assert SliceQueue(client, "w-1", 60).lease(("scalar_rgb",), None, in_turn=False) is not None
 
     def demand(**asked: str | list[str]) -> dict[str, int]:

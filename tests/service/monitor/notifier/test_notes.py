@@ -2,7 +2,6 @@
 
 import base64
 import json
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,30 +28,27 @@ from plateau.service.notices.receivers import Receivers
 from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.support.farms.receiver import OK, Receiver, receiving
 from tests.support.farms.staged_job import StagedJob
+from tests.support.threads import working
 from tests.support.until import until
 
 PATH = "a-secret-path"
 
 
 @contextmanager
-def notifying(redis_url: str, notes: Notes) -> Iterator[None]:
+def notifying(redis_url: str, notes: Notes, requests: Requests | None = None) -> Iterator[Notifier]:
+    """A notifier that tries again soon."""
     client = connect(redis_url)
     notifier = Notifier(
         Outbox(client),
         Wake(client, keys.WAKE_NOTIFIER),
-        Requests(Receivers(())),
+        requests or Requests(Receivers(())),
         notes,
         lease_s=30.0,
-        delay_s=lambda *_: 0.05,
+        delay_s=lambda _tries, asked_s: max(0.05, asked_s),
         poll_s=0.05,
     )
-    thread = threading.Thread(target=notifier.run)
-    thread.start()
-    try:
-        yield
-    finally:
-        notifier.stop()
-        thread.join()
+    with working(notifier.run, notifier.stop):
+        yield notifier
 
 
 def ended(client: redis.Redis, *targets: str) -> StagedJob:

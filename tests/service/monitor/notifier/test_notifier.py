@@ -16,19 +16,17 @@ import pytest
 import redis
 
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.job import Notice
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
-from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.farm.redis.wake import Wake
 from plateau.service.monitor.notifier.notes import Notes
 from plateau.service.monitor.notifier.notifier import Notifier, notifying
 from plateau.service.monitor.notifier.requests import Requests
 from plateau.service.notices.receivers import Receivers
+from tests.service.monitor.notifier.test_notes import notifying as trying_soon
 from tests.support.farms.receiver import OK, SECRET, Receiver, receiving
 from tests.support.farms.staged_job import StagedJob
 from tests.support.until import until
@@ -53,23 +51,9 @@ class Farm:
 
     @contextmanager
     def notifying(self, total_s: float = 30.0) -> Iterator[Notifier]:
-        client = connect(self.url)
-        notifier = Notifier(
-            Outbox(client),
-            Wake(client, keys.WAKE_NOTIFIER),
-            Requests(Receivers(HERE), connect_s=20.0, total_s=total_s),
-            Notes(),
-            lease_s=30.0,
-            delay_s=lambda _tries, asked_s: max(0.05, asked_s),
-            poll_s=0.05,
-        )
-        thread = threading.Thread(target=notifier.run)
-        thread.start()
-        try:
+        requests = Requests(Receivers(HERE), connect_s=20.0, total_s=total_s)
+        with trying_soon(self.url, Notes(), requests) as notifier:
             yield notifier
-        finally:
-            notifier.stop()
-            thread.join()
 
     def notice(self, job: StagedJob) -> Notice:
         [found] = Jobs(self.client).get(job.id).notices

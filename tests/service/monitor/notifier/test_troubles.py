@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.service.monitor.notifier.test_notes import by_json, told
 from tests.support.farms.ledger_farm import about
 from tests.support.farms.receiver import OK, Receiver, receiving
+from tests.support.threads import working
 from tests.support.until import until
 
 
@@ -136,8 +136,8 @@ def test_without_redis_each_monitor_tells_by_its_own_memory(
 ) -> None:
     box, targets = told_ops
     gone = connect("redis://127.0.0.1:1/0")
-    teller = Teller(gone, store, targets, 0.0, poll_s=0.01)
-    with running(teller):
+    teller, over = Teller(gone, store, targets, 0.0, poll_s=0.01), threading.Event()
+    with working(lambda: teller.run(over), over.set):
         until(lambda: box.received)
         with pytest.raises(StoreUnavailable):
             teller.check()
@@ -155,15 +155,3 @@ def test_without_redis_each_monitor_tells_by_its_own_memory(
     assert "waits for a worker in pool night" in texts(box)[1]
     with pytest.raises(BadTargets, match="PLATEAU_NOTIFY_TROUBLES: there is no target 'lead'"):
         read_targets(Settings(notify_file=file, notify_troubles="lead"))
-
-
-@contextmanager
-def running(teller: Teller) -> Iterator[None]:
-    over = threading.Event()
-    thread = threading.Thread(target=teller.run, args=(over,))
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
