@@ -32,19 +32,21 @@ from plateau.service.api.metrics.requests import CountRequests
 from plateau.service.api.openapi import DescribedAPI, refuse_unknown_parameters
 from plateau.service.api.parts import Parts
 from plateau.service.api.problems.handlers import add_problem_handlers
-from plateau.service.api.routes import again as routes_again
-from plateau.service.api.routes import batches as routes_batches
-from plateau.service.api.routes import deletions as routes_deletions
-from plateau.service.api.routes import downloads as routes_downloads
-from plateau.service.api.routes import farm as routes_farm
-from plateau.service.api.routes import images as routes_images
-from plateau.service.api.routes import jobs as routes_jobs
-from plateau.service.api.routes import notices as routes_notices
-from plateau.service.api.routes import pages as routes_pages
-from plateau.service.api.routes import results as routes_results
-from plateau.service.api.routes import shots as routes_shots
-from plateau.service.api.routes import submit as routes_submit
-from plateau.service.api.routes import usage as routes_usage
+from plateau.service.api.routes import (
+    again,
+    batches,
+    deletions,
+    downloads,
+    farm,
+    images,
+    jobs,
+    notices,
+    pages,
+    results,
+    shots,
+    submit,
+    usage,
+)
 from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 from plateau.service.api.stored_files import StoredFiles
@@ -116,26 +118,13 @@ def create_app(
     )
     app.state.parts = parts
     app.state.metrics = Metrics(client)
-    add_problem_handlers(app, routes_pages.unknown_page)
-    for routes in (
-        routes_submit,
-        routes_jobs,
-        routes_deletions,
-        routes_batches,
-        routes_shots,
-        routes_again,
-        routes_results,
-        routes_images,
-        routes_downloads,
-        routes_usage,
-        routes_notices,
-        routes_farm,
-        routes_pages,
-    ):
+    add_problem_handlers(app, pages.unknown_page)
+    of_jobs = (submit, jobs, deletions, batches, shots, again, results, images, downloads)
+    for routes in (*of_jobs, usage, notices, farm, pages):
         app.include_router(routes.router)
     for extension in extensions("routes"):
         extension.mount(app, client)
-    app.webhooks.include_router(routes_notices.sent)
+    app.webhooks.include_router(notices.sent)
     app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)
     app.add_middleware(BodyLimit, most=checks.limits.max_bytes + ENVELOPE_BYTES)

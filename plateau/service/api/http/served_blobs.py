@@ -22,13 +22,14 @@ REPR_DIGEST: Final = "Repr-Digest"
 SPP: Final = "Plateau-Spp"
 
 
-def described(media_type: str, *kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
-    """The OpenAPI ``responses`` of a route that serves a blob of a job."""
-    return {
+def serving(media_type: str, *kinds: ProblemType) -> dict[str, Any]:
+    """What FastAPI is told of a route that serves a blob of a job: its class, its ``responses``."""
+    responses = {
         **file_of(media_type, "ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP),
         **NOT_MODIFIED,
         **documented(problems.UNKNOWN_JOB, problems.SPOILED_FILE, *kinds),
     }
+    return {"response_class": StreamingResponse, "responses": responses}
 
 
 def file_of(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:

@@ -3,7 +3,6 @@
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Path, Response
-from fastapi.responses import StreamingResponse
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job
@@ -15,8 +14,8 @@ from plateau.service.api.http.served_blobs import (
     PNG,
     SPP,
     blob_response,
-    described,
     headers_of,
+    serving,
 )
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
@@ -45,11 +44,7 @@ _PICTURES: Final = {
 }
 
 
-@router.get(
-    "/{picture}.png",
-    response_class=StreamingResponse,
-    responses=described(PNG, problems.NO_IMAGE_YET, problems.UNKNOWN_PATH),
-)
+@router.get("/{picture}.png", **serving(PNG, problems.NO_IMAGE_YET, problems.UNKNOWN_PATH))
 def get_picture_png(
     job_id: JobId,
     picture: Annotated[
@@ -70,19 +65,13 @@ def get_picture_png(
     return _image(f"{picture}.png", PNG, job_id, farm, has)
 
 
-@router.get(
-    "/image.exr", response_class=StreamingResponse, responses=described(EXR, problems.NO_IMAGE_YET)
-)
+@router.get("/image.exr", **serving(EXR, problems.NO_IMAGE_YET))
 def get_image_exr(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the merged image as linear radiance, float32."""
     return _image("image.exr", EXR, job_id, farm, has)
 
 
-@router.get(
-    "/slices/{index}.exr",
-    response_class=StreamingResponse,
-    responses=described(EXR, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
-)
+@router.get("/slices/{index}.exr", **serving(EXR, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST))
 def get_slice_exr(
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[0])],
@@ -118,11 +107,7 @@ def list_previews(job_id: JobId, farm: Farm) -> PreviewList:
     )
 
 
-@router.get(
-    "/previews/{spp}.png",
-    response_class=StreamingResponse,
-    responses=described(PNG, problems.UNKNOWN_POINT, problems.INVALID_REQUEST),
-)
+@router.get("/previews/{spp}.png", **serving(PNG, problems.UNKNOWN_POINT, problems.INVALID_REQUEST))
 def get_preview_png(
     job_id: JobId,
     spp: Annotated[

@@ -1,6 +1,6 @@
 """Routes that show, list and steer jobs."""
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Path, Query
 from pydantic import Field
@@ -24,7 +24,7 @@ from plateau.service.api.http.parameters import Cursor, cursor_of, number_of
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.catalogue import documented
-from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems.problem import Problem, ProblemType
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -32,7 +32,8 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     """The jobs as the caller sees them, with their places in the queue and what they wait for."""
     crew = Crew([] if all(job.state.ended for job in jobs) else farm.workers.living())
-    in_line = {job.id for job in jobs if _is_in_line(job)}
+    queued = [job for job in jobs if job.state is JobState.QUEUED]
+    in_line = {job.id for job in queued if not (job.held or job.awaits)}
     places = farm.jobs.places() if in_line else {}
 
     def view(job: Job) -> JobView:
@@ -47,15 +48,16 @@ def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     return list(map(view, jobs))
 
 
-def _is_in_line(job: Job) -> bool:
-    return job.state is JobState.QUEUED and not (job.held or job.awaits)
-
-
 #: Whether jobs have a property; ``any`` if that does not matter.
 Whether = Literal["false", "true", "any"]
 _WHETHER: Final[dict[Whether, bool | None]] = {"false": False, "true": True, "any": None}
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
+
+
+def _steering(refusal: ProblemType) -> dict[str, Any]:
+    """What FastAPI is told of a route that moves a job to another state."""
+    return {"status_code": 202, "responses": documented(problems.UNKNOWN_JOB, refusal)}
 
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
@@ -139,11 +141,7 @@ def change_job(job_id: JobId, asked: JobChange, farm: Farm, who: CallerOf) -> Jo
     return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm, who)[0]
 
 
-@router.post(
-    "/{job_id}/cancel",
-    status_code=202,
-    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
-)
+@router.post("/{job_id}/cancel", **_steering(problems.CANNOT_CANCEL))
 def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
 
@@ -154,11 +152,7 @@ def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     return job_view(job, to_owner=who.made(job.owner))
 
 
-@router.post(
-    "/{job_id}/pause",
-    status_code=202,
-    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
-)
+@router.post("/{job_id}/pause", **_steering(problems.CANNOT_PAUSE))
 def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Pause a rendering job: workers take no more slices of it, and its time limit stops counting.
 
@@ -170,11 +164,7 @@ def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     return job_view(job, to_owner=who.made(job.owner))
 
 
-@router.post(
-    "/{job_id}/resume",
-    status_code=202,
-    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
-)
+@router.post("/{job_id}/resume", **_steering(problems.CANNOT_RESUME))
 def resume_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Resume a paused job; its image and curve become those of a job that was never paused.
 
