@@ -3,10 +3,7 @@
 import { percent, pixels, sentence, several, sppOf, whole } from "../shared/figures.js";
 import { valueIn } from "../shared/rules.js";
 
-/**
- * What to do about a failure: where the scene is at fault, where renderers died, and otherwise.
- * @type {Record<string, string>}
- */
+/** What to do about a failure: where the scene is at fault, where renderers died, and otherwise. @type {Record<string, string>} */
 const ADVICE = {
   scene: "No worker can render the scene as it is. Mend it, and submit it.",
   deaths: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and render it again.",

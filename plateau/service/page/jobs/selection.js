@@ -14,10 +14,7 @@ export class Selection {
   #changed;
   /** @type {Set<string>} */
   #ids = new Set();
-  /**
-   * The listed jobs that may be selected, from top to bottom.
-   * @type {Api.JobView[]}
-   */
+  /** The listed jobs that may be selected, from top to bottom. @type {Api.JobView[]} */
   #jobs = [];
   /** The job that was selected last, from which the Shift key selects a range. */
   #last = "";

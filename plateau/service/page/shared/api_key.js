@@ -7,10 +7,7 @@ const NAME = "plateau-key";
 /** @type {Promise<boolean> | null} */
 let asking = null;
 
-/**
- * The header with the key; empty without a key.
- * @returns {Record<string, string>}
- */
+/** The header with the key; empty without a key. @returns {Record<string, string>} */
 export function authorization() {
   const key = sessionStorage.getItem(NAME);
   return key ? { Authorization: `Bearer ${key}` } : {};

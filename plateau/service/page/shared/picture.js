@@ -20,10 +20,7 @@ export class Picture {
   #shown = "";
   /** @type {{ path: string, stop: AbortController, promise: Promise<void> } | null} */
   #pending = null;
-  /**
-   * Samples per pixel of the shown image, if the API tells.
-   * @type {number | null}
-   */
+  /** Samples per pixel of the shown image, if the API tells. @type {number | null} */
   spp = null;
 
   /** @param {HTMLImageElement} image */

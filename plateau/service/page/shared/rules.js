@@ -13,10 +13,7 @@ import { describe } from "./spec_fields.js";
 
 const RETRY_MS = 1000;
 
-/**
- * All rules, in the order of the forms; empty until `meetRules` has resolved.
- * @type {RuleAbout[]}
- */
+/** All rules, in the order of the forms; empty until `meetRules` has resolved. @type {RuleAbout[]} */
 export const RULES = [];
 
 /**

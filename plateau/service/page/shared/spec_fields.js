@@ -78,10 +78,7 @@ export const WORKERS = [
   { name: "requires", label: "Tags", help: "Only workers that have all of these render it. Separated by commas." },
 ];
 
-/**
- * Where people look at images pixel by pixel: fields of a view by the place's name.
- * @type {Record<string, Record<string, number>>}
- */
+/** Where people look at images pixel by pixel: fields of a view by the place's name. @type {Record<string, Record<string, number>>} */
 export const PLACES = {};
 
 /** Who hears of its end. @type {FieldAbout[]} */

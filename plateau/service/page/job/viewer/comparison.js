@@ -105,10 +105,7 @@ export class Comparison {
     return [`${right} alone`, `${left} alone`][[0, 100].indexOf(this.percent)] ?? `${left} at the left, ${right} at the right: drag across the image`;
   }
 
-  /**
-   * The images at the left and at the right.
-   * @returns {Source[]}
-   */
+  /** The images at the left and at the right. @returns {Source[]} */
   sides() {
     const sides = [...this.#left.source, ...this.#right.source];
     if (this.#left.job?.id === this.#right.job?.id) return sides;
