@@ -146,7 +146,8 @@ class JobCalls(Calls):
             "batch": batch,
             "owner": owner,
             "search": search,
-            "deleted": _whether(deleted),
+            # As the service reads it; its own default is left out.
+            "deleted": {False: None, True: "true", None: "any"}[deleted],
         }
         params: dict[str, Any] = {name: one for name, one in asked.items() if one is not None}
         left = math.inf if limit is None else limit
@@ -241,8 +242,3 @@ class JobCalls(Calls):
 
     def _steer(self, job_id: str, action: str) -> JobView:
         return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{action}")
-
-
-def _whether(flag: bool | None) -> str | None:
-    """A flag as the service reads it; its own default is left out."""
-    return {False: None, True: "true", None: "any"}[flag]

@@ -76,10 +76,9 @@ class ResultCalls(Calls):
         ApiError
             ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
-        path, digest = f"/v1/jobs/{job_id}/{name}", _Digest()
+        path = f"/v1/jobs/{job_id}/{name}"
         answer = self._transport.send("GET", path)
-        digest.update(answer.content)
-        digest.check(path, answer.headers)
+        _check(hashlib.sha256(answer.content).digest(), path, answer.headers)
         return answer.content
 
     def array(self, job_id: str) -> "NDArray[np.float32]":
@@ -176,34 +175,23 @@ class ResultCalls(Calls):
                     self._transport.stream(address, read_s=_READ_S) as answer,
                     path.open("wb") as file,
                 ):
-                    digest = _Digest()
+                    sha256 = hashlib.sha256()
                     for chunk in answer.iter_bytes():
-                        digest.update(chunk)
+                        sha256.update(chunk)
                         file.write(chunk)
                         if file.tell() > furthest:
                             furthest = file.tell()
                             patience.renew()
-                    digest.check(address, answer.headers)
+                    _check(sha256.digest(), address, answer.headers)
             except ClientError as error:
                 patience.wait_after(error)
             else:
                 return
 
 
-class _Digest:
-    """The SHA-256 of what comes of a file."""
-
-    def __init__(self) -> None:
-        self._sha256 = hashlib.sha256()
-
-    def update(self, chunk: bytes) -> None:
-        """Take up the next bytes."""
-        self._sha256.update(chunk)
-
-    def check(self, path: str, headers: Mapping[str, str]) -> None:
-        """Raise `Damaged` where the headers name another one than that of all that came."""
-        digests = (one.strip().partition("=") for one in headers.get(_HEADER, "").split(","))
-        named = next((value for name, _, value in digests if name == _SHA256), None)
-        found = base64.b64encode(self._sha256.digest()).decode()
-        if named is not None and named != f":{found}:":
-            raise Damaged(path)
+def _check(sha256: bytes, path: str, headers: Mapping[str, str]) -> None:
+    """Raise `Damaged` where the headers name another SHA-256 than that of all that came."""
+    digests = (one.strip().partition("=") for one in headers.get(_HEADER, "").split(","))
+    named = next((value for name, _, value in digests if name == _SHA256), None)
+    if named is not None and named != f":{base64.b64encode(sha256).decode()}:":
+        raise Damaged(path)

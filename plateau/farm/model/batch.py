@@ -103,7 +103,7 @@ def summarise(
         held=sum(member.held for member in members),
         finished=sum(member.finished for member in members),
         spp=_extent(member.spp for member in members),
-        estimate_fraction=_extent(_left(members)),
+        estimate_fraction=_extent(member.estimate_fraction for member in members),
         machine_s=round(sum(member.machine_s for member in members), 3),
         samples_saved=sum(member.samples_saved for member in members),
         created_at=members[0].created_at,
@@ -114,12 +114,8 @@ def summarise(
     )
 
 
-def _left(members: list[Member]) -> list[float]:
-    return [one.estimate_fraction for one in members if one.estimate_fraction is not None]
-
-
-def _extent(values: Iterable[float]) -> Extent | None:
-    found = list(values)
+def _extent(values: Iterable[float | None]) -> Extent | None:
+    found = [value for value in values if value is not None]
     if not found:
         return None
     return Extent(least=min(found), most=max(found), mean=sum(found) / len(found))

@@ -118,10 +118,6 @@ def _unknown_tag(about: Mapping[str, Any]) -> str:
     return f"{UNKNOWN_NAME} {', '.join(names)} or {last}"
 
 
-def _tag_missing(about: Mapping[str, Any]) -> str:
-    return f"must say its {_alternatives(about['discriminator'])}"
-
-
 def _length(words: str, name: str, one: str, several: str) -> Callable[[Mapping[str, Any]], str]:
     return lambda about: f"must have {words} {about[name]:,} {one if about[name] == 1 else several}"
 
@@ -168,7 +164,7 @@ _WORDS: Final[dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "literal_error": _one_of,
     "enum": _one_of,
     "union_tag_invalid": _unknown_tag,
-    "union_tag_not_found": _tag_missing,
+    "union_tag_not_found": lambda about: f"must say its {_alternatives(about['discriminator'])}",
     "dict_type": _OBJECT,
     "model_type": _OBJECT,
     "model_attributes_type": _OBJECT,

@@ -81,7 +81,8 @@ class Notes:
         if job.estimate_fraction is not None:
             facts.append(f"noise left {percent(job.estimate_fraction)} of the pixels")
         lines = [f"Job {job.id}: {job.reason}", ", ".join(facts)]
-        return Note(f"{job.name} {_ended(job)}", self._with_link(lines, job))
+        ended = "was cancelled" if job.state is JobState.CANCELLED else job.outcome
+        return Note(f"{job.name} {ended}", self._with_link(lines, job))
 
     def of_batch(self, job: Job, states: Mapping[str, int]) -> Note:
         """The note that all jobs of a batch have ended; `job` was the last."""
@@ -92,10 +93,6 @@ class Notes:
     def _with_link(self, lines: list[str], job: Job) -> str:
         link = [f"{self.url.rstrip('/')}/jobs/{job.id}"] if self.url else []
         return "\n".join((*lines, *link))
-
-
-def _ended(job: Job) -> str:
-    return "was cancelled" if job.state is JobState.CANCELLED else job.outcome
 
 
 def send(name: str, url: str, note: Note) -> None:
