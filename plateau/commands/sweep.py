@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,8 +15,6 @@ from plateau.errors import CommandFailed
 
 if TYPE_CHECKING:
     from plateau.farm.sweep import Swept
-
-_DAY_S: Final = 86_400.0
 
 _days = partial(typer.Option, metavar="DAYS", min=0, max=3653)
 
@@ -76,7 +74,7 @@ def gc(
     from plateau.farm.ledger.pairing import check_pair
     from plateau.farm.ledger.schema import check_schema
     from plateau.farm.redis.link import connect
-    from plateau.farm.sweep import sweep
+    from plateau.farm.sweep import in_seconds, sweep
     from plateau.processes.data_folder import DataFolder
     from plateau.processes.read_settings import farm_settings
     from plateau.processes.redis_at_hand import redis_at_hand
@@ -105,10 +103,10 @@ def gc(
         swept = sweep(
             client,
             store,
-            results_older_than_s=_seconds(results_older_than),
-            deleted_older_than_s=_seconds(deleted_older_than),
-            sums_older_than_s=_seconds(sums_older_than),
-            scenes_unused_for_s=_seconds(scenes_unused_for),
+            results_older_than_s=in_seconds(results_older_than),
+            deleted_older_than_s=in_seconds(deleted_older_than),
+            sums_older_than_s=in_seconds(sums_older_than),
+            scenes_unused_for_s=in_seconds(scenes_unused_for),
             dry_run=dry_run,
         )
     if as_json:
@@ -147,7 +145,3 @@ def _line(name: str, count: int, condition: str, days: float | None, option: str
     if days is None:
         return f"  {name:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
     return f"  {name:<8}{count:>8,}  {condition} more than {days:g} days ago"
-
-
-def _seconds(days: float | None) -> float | None:
-    return None if days is None else days * _DAY_S

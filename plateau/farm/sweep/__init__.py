@@ -11,6 +11,7 @@ together.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
@@ -23,7 +24,9 @@ from plateau.farm.sweep.orphans import remove_orphans
 from plateau.farm.sweep.removal import Removal
 from plateau.farm.sweep.scenes import remove_scenes
 
-__all__ = ["Swept", "is_due", "sweep"]
+__all__ = ["Swept", "in_seconds", "is_due", "sweep"]
+
+_DAY_S: Final = 86_400.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,3 +106,8 @@ def sweep(
 def is_due(client: RedisClient, every_s: float) -> bool:
     """Whether this call has begun no sweep for this long; if so, the caller's begins now."""
     return Scripts(client).run(BeginSweep(every_ms=round(every_s * 1000)))
+
+
+def in_seconds(days: float | None) -> float | None:
+    """Seconds of the days after which `sweep` removes something; None where it is kept."""
+    return None if days is None else days * _DAY_S

@@ -30,7 +30,8 @@ def remove_orphans(client: RedisClient, removal: Removal, forgotten: Collection[
     """
     found: dict[str, list[StoredBlob]] = {}
     # A listing usually has a job's blobs in a row; otherwise the job is read again.
-    for job_id, stored in groupby(removal.store.listing(blobs.JOBS), _job_of):
+    listing = removal.store.listing(blobs.JOBS)
+    for job_id, stored in groupby(listing, lambda blob: blobs.in_job(blob.name)[0]):
         if job_id not in forgotten:
             keeps = _keeps(client, job_id)
             for blob in stored:
@@ -68,7 +69,3 @@ def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:
     return lambda name: (
         name in kept or name.startswith(f"{results or ''}/") or not name.startswith(swept)
     )
-
-
-def _job_of(blob: StoredBlob) -> str:
-    return blob.name.split("/")[1]

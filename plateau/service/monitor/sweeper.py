@@ -11,13 +11,12 @@ from plateau.farm.ledger.totals import note_sweep
 from plateau.farm.model.errors import FarmError
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
-from plateau.farm.sweep import Swept, is_due, sweep
+from plateau.farm.sweep import Swept, in_seconds, is_due, sweep
 
 _LOG = logging.getLogger(__name__)
 
 _EVERY_S: Final = 3600.0  #: between two sweeps of the whole farm
 _POLL_S: Final = 60.0  #: between two checks whether one is due
-_DAY_S: Final = 86_400.0
 
 
 @contextmanager
@@ -45,10 +44,10 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
                 swept = sweep(
                     client,
                     store,
-                    results_older_than_s=_seconds(settings.keep_results_days),
-                    deleted_older_than_s=_seconds(settings.keep_deleted_days),
-                    sums_older_than_s=_seconds(settings.keep_sums_days),
-                    scenes_unused_for_s=_seconds(settings.keep_results_days),
+                    results_older_than_s=in_seconds(settings.keep_results_days),
+                    deleted_older_than_s=in_seconds(settings.keep_deleted_days),
+                    sums_older_than_s=in_seconds(settings.keep_sums_days),
+                    scenes_unused_for_s=in_seconds(settings.keep_results_days),
                 )
                 note_sweep(client)
                 _report(swept)
@@ -70,7 +69,3 @@ def _report(swept: Swept) -> None:
             swept.blobs,
             swept.freed_bytes,
         )
-
-
-def _seconds(days: float | None) -> float | None:
-    return None if days is None else days * _DAY_S
