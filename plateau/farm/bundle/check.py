@@ -12,7 +12,7 @@ judges the values, or reads a format that it alone knows.
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, BinaryIO
@@ -99,7 +99,7 @@ def inspect_each(
     with _opened(source) as stream:
         bundle = _bundle(stream, limits)
         entry = _entry(bundle, limits)
-        scene_format = _format_in(bundle, entry)
+        scene_format = format_named(entry) if isinstance(bundle, Archive) else bundle.format
         for parameters, sensor in asked:
             found = scene_format.check(bundle, entry, parameters, sensor, limits)
             yield SceneSummary(
@@ -226,10 +226,6 @@ def not_a_scene(what: str | None, file: str | None = None) -> BundleError:
     )
 
 
-def _format_in(bundle: Archive | _LoneFile, entry: Parts) -> SceneFormat:
-    return format_named(entry) if isinstance(bundle, Archive) else bundle.format
-
-
 def _entry(bundle: Archive | _LoneFile, limits: BundleLimits) -> Parts:
     return find_entry(bundle, limits) if isinstance(bundle, Archive) else (bundle.format.entry,)
 
@@ -248,10 +244,5 @@ def _write(packed: IO[bytes], path: Path, declared_bytes: int) -> int:
     return written_bytes
 
 
-@contextmanager
-def _opened(source: Path | BinaryIO) -> Iterator[BinaryIO]:
-    if isinstance(source, Path):
-        with source.open("rb") as stream:
-            yield stream
-    else:
-        yield source
+def _opened(source: Path | BinaryIO) -> AbstractContextManager[BinaryIO]:
+    return source.open("rb") if isinstance(source, Path) else nullcontext(source)

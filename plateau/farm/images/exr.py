@@ -40,15 +40,17 @@ _COMPRESSIONS: Final[dict[Compression, Any]] = {
 _MAGIC: Final = b"v/1\x01"
 _LARGEST_HALF: Final = 65504.0
 
-_ATTRIBUTES: Final[dict[str, type]] = {
-    "job": str,
-    "slice": int,
-    "first_seed": int,
-    "last_seed": int,
-    "spp": int,
-    "variant": str,
-    "scene_sha256": str,
-}
+#: Fields of a partial, each with its attribute and its types there and here: an integer of EXR is
+#: signed, a seed is not.
+_FACTS: Final[tuple[tuple[str, str, type, type], ...]] = (
+    ("job_id", "plateau:job", str, str),
+    ("index", "plateau:slice", int, int),
+    ("first_seed", "plateau:first_seed", str, int),
+    ("last_seed", "plateau:last_seed", str, int),
+    ("spp", "plateau:spp", int, int),
+    ("variant", "plateau:variant", str, str),
+    ("scene_sha256", "plateau:scene_sha256", str, str),
+)
 _CHANNELS: Final = "plateau:channels"
 _IDS: Final = "plateau:ids"
 _QUOTIENTS: Final = "plateau:quotients"
@@ -89,16 +91,7 @@ class Partial:
 
 def encode_partial(partial: Partial) -> bytes:
     """Return a partial as an EXR file, uncompressed: ZIP shrinks noise by 0.5 %."""
-    values = (
-        partial.job_id,
-        partial.index,
-        str(partial.first_seed),  # EXR integers are signed, seeds are not
-        str(partial.last_seed),
-        partial.spp,
-        partial.variant,
-        partial.scene_sha256,
-    )
-    attributes = {f"plateau:{name}": value for name, value in zip(_ATTRIBUTES, values, strict=True)}
+    attributes = {name: kept(getattr(partial, own)) for own, name, kept, _ in _FACTS}
     names = partial.channels.names
     # An EXR file sorts its channels by name, so their order is an attribute.
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
@@ -150,19 +143,11 @@ def decode_partial(content: bytes) -> Partial:
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
             transform = ViewTransform.from_text(str(header[_LOOK])) if _LOOK in header else None
-        job, index, first, last, spp, variant, scene = (
-            of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
-        )
+        facts = {own: of_type(header[name]) for own, name, _, of_type in _FACTS}
     except (RuntimeError, KeyError, ValueError, TypeError) as error:
         raise CorruptPartial(f"not a partial: {error}") from error
     return Partial(
-        job_id=job,
-        index=index,
-        first_seed=first,
-        last_seed=last,
-        spp=spp,
-        variant=variant,
-        scene_sha256=scene,
+        **facts,
         pixels=pixels[0] if zones else pixels,
         channels=channels,
         zones=zones,
