@@ -7,7 +7,6 @@ A job that another one continues stays as long as that one, which may depend on 
 stay until the other job has its own, or has dropped these, too.
 """
 
-import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
@@ -104,13 +103,11 @@ class FinishedJobs:
         """The finished jobs that were deleted this long ago, newest first."""
         before = now_ms(self._redis) - older_than_ms
         job_ids = self._redis.zrevrange(keys.DELETED, 0, -1)
-        deleted = fields_of(self._redis, job_ids, ("deleted_at",), "sealed")
-        ended = fields_of(self._redis, job_ids, ("finished_at",))
-        return [
-            job_id
-            for job_id, at, end in zip(job_ids, deleted, ended, strict=True)
-            if float(at["deleted_at"] or math.inf) <= before and end["finished_at"] is not None
-        ]
+        found = fields_of(self._redis, job_ids, ("deleted_at",), "sealed")
+        deleted = [(one, had["deleted_at"]) for one, had in zip(job_ids, found, strict=True)]
+        old = [one for one, at in deleted if at is not None and int(float(at)) <= before]
+        ended = fields_of(self._redis, old, ("finished_at",))
+        return [one for one, had in zip(old, ended, strict=True) if had["finished_at"] is not None]
 
 
 def field_of_all(client: RedisClient, field: str) -> Iterator[tuple[str, str | None]]:
