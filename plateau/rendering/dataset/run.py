@@ -25,6 +25,8 @@ from plateau.rendering.mapping import Place, rendered
 from plateau.rendering.result import IMAGE
 from plateau.terminal.dataset_progress import Course
 
+#: A parameter where an element may name a file.
+_CHOOSES_A_FILE: Final = re.compile(rb"<(?:include|path|spectrum|string)\b[^>]*\$")
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9.-]+")
 #: Of the header of an image, what its line says too.
 _OF_HEADER: Final = ("scene_sha256", "variant", "renderer", "first_seed", "last_seed", "plateau")
@@ -56,8 +58,8 @@ def fill(
         "independent": recipe.independent,
         "layout": recipe.layout,
     }
-    hashed = cache(_hash)  # scenes share meshes
-    about = {task.index: manifest.identity(task, asked, _hash_of(task, hashed)) for task in tasks}
+    hashes = _Hashes()
+    about = {task.index: manifest.identity(task, asked, hashes.of(task)) for task in tasks}
     with manifest.opened(folder) as there:
         _check_same(there, about)
         lacking = [task for task in tasks if not there.has(task.index)]
@@ -113,19 +115,37 @@ def _change(line: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
     return "a file of its scene has changed"
 
 
-def _hash_of(task: Task, hashed: Callable[[Path], str]) -> str:
-    """The SHA-256 of a scene's files; "" if one cannot be read, which its job will say."""
-    values = {name: str(value) for name, value in task.parameters.items()}
-    try:
-        found = scene_files(scenes.path_of(Path(task.scene_name)), values)
-        return hashlib.sha256("".join(map(hashed, found)).encode()).hexdigest()
-    except (BundleError, OSError, ValueError):
-        return ""
+class _Hashes:
+    """The SHA-256 of scenes' files."""
+
+    def __init__(self) -> None:
+        self._of_file, self._chooses = cache(_hash), cache(_chooses_files)  # scenes share meshes
+        self._of_scene: dict[str, str] = {}  # where no parameter chooses a file
+
+    def of(self, task: Task) -> str:
+        """That of an image's scene; "" if a file cannot be read, which its job will say."""
+        if task.scene_name in self._of_scene:
+            return self._of_scene[task.scene_name]
+        values = {name: str(value) for name, value in task.parameters.items()}
+        try:
+            found = scene_files(scenes.path_of(Path(task.scene_name)), values)
+            of_all = hashlib.sha256("".join(map(self._of_file, found)).encode()).hexdigest()
+            if not any(map(self._chooses, found)):
+                self._of_scene[task.scene_name] = of_all
+        except (BundleError, OSError, ValueError):
+            return ""
+        return of_all
 
 
 def _hash(path: Path) -> str:
     with path.open("rb") as file:
         return sha256_of(file)
+
+
+def _chooses_files(path: Path) -> bool:
+    """Whether a file is XML in which parameters may choose files."""
+    with path.open("rb") as file:
+        return file.read(1) in b"<\xef \t\r\n" and bool(_CHOOSES_A_FILE.search(file.read()))
 
 
 def _name(task: Task) -> str:
