@@ -69,6 +69,7 @@ def test_without_any_the_core_renders(core: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1300)  # as long as the whole suite may take on a busy machine
 def test_without_any_the_tests_of_the_core_pass(core: str) -> None:
     tests = ("farm/bundle", "farm/model", "plateau/commands", "plateau/files", "service/api/routes")
     done = subprocess.run(
