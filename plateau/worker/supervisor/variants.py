@@ -38,7 +38,7 @@ _PROBE_TIMEOUT_S = 120.0
 _RENDERED = re.compile(r"OK ([0-9a-f]+)\s*\Z")
 
 _TIMED_OUT = "gave no image within"
-_ENDED_BY = "was ended by"
+_ENDED_BY = "was ended by"  #: as `how_ended` says it
 _WRONG = "CanaryWrong"
 
 #: Lines that say why. Others follow them: Dr.Jit hides a missing library behind a NameError.
@@ -240,7 +240,7 @@ def _is_lasting(one: Probe) -> bool:
         return False  # it may be in use
     if one.detail.startswith(_TIMED_OUT) or _WRONG in one.detail:
         return False  # a machine under load, memory that fails
-    broken = tuple(f"{_ENDED_BY} {number.name}," for number in _BROKEN)
+    broken = tuple(f"{how_ended(-number)}," for number in _BROKEN)
     return not one.detail.startswith(_ENDED_BY) or one.detail.startswith(broken)
 
 
