@@ -3,8 +3,7 @@
 A rule is one class in one file: its parameters, its judgement, its state and the attributes of
 `StoppingRule`. The API's schema, the options and help of the command line, the page's form and the
 table in docs/stopping.md are generated from it. To add a rule, name its class in the entry point
-group `plateau.rules` of an installed distribution; Plateau's own rules are installed in the same
-way.
+group `plateau.rules` of an installed distribution; Plateau's own are installed in the same way.
 
 This module lies below `plateau.farm` and `plateau.metric`, which do not import each other, and
 imports no numerics.

@@ -43,8 +43,7 @@ _HINTS: Final = {
     "store-unavailable": "try again shortly; `plateau doctor` may know more",
 }
 
-#: The extras of the distribution that a command needs. Commands that need all or none of them are
-#: left out.
+#: The extras of the distribution that a command needs. Commands that need all or none are absent.
 _EXTRAS: Final[dict[str, str]] = {
     "api": "service",
     "diff": "images",

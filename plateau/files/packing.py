@@ -76,8 +76,7 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     Raises
     ------
     BundleError
-        A file is missing or cannot keep its place; names it, and the XML and line that refers to
-        it.
+        A file is missing or cannot keep its place; names it, and the XML and line that does.
     """
     return _found(path, parameters).packed()
 

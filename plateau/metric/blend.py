@@ -109,15 +109,13 @@ def blended(
     -----
     The weight of the denoised image d(I) is V / (V + M), both pooled around the pixel. V is the
     variance of the image I with halves A and B, |A − B|² n_A n_B / n². M is the mean squared error
-    of a denoised half, ½|d(A) − B|² + ½|d(B) − A|² − ½|A − B|². It is unbiased, since d(A) has no
-    sample of B.
+    of a denoised half, ½|d(A) − B|² + ½|d(B) − A|² − ½|A − B|². It is unbiased: d(A) has none of B.
 
     X(A) is half A blended with d(A), whose error is measured by B around the pixel, and not within
     two pixels of it: filters reach no farther, so that X(A) and B have independent noise there. Its
     mean squared error is ½|X(A) − B|² + ½|X(B) − A|² − ½|A − B|², unbiased, and |X(A) − X(B)|² is
     the sum of both variances, of which the blend of all samples has n_A n_B / n². At the most it
-    has the same bias. The noise of the model is X(A) − X(B), with its energy brought to that of the
-    error.
+    has the same bias. The noise of the model is X(A) − X(B), with the energy of the error.
 
     The error is pooled near the pixel, and counts as far as it differs from its wider surroundings'
     by more than chance explains: with the difference δ and its standard error s, the gain is

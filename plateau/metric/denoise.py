@@ -2,8 +2,7 @@
 
 Undecimated wavelets (*à trous*) split the image and the noise into bands. In each band the energy
 of the noise around each pixel is known, and the filter keeps the part of the band whose energy
-exceeds it: a Wiener filter without guesses. Texture above the noise stays, and flat areas become
-flat.
+exceeds it: a Wiener filter without guesses. Texture above the noise stays; flat areas become flat.
 """
 
 from __future__ import annotations

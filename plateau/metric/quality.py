@@ -7,7 +7,7 @@ N, noise like the image's own, for the error: ColorVideoVDP compares T with T + 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +20,7 @@ from plateau.metric.rows import by_rows
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from plateau.metric.cvvdp import Percept
     from plateau.metric.cvvdp import Quality as Comparison
     from plateau.metric.display import Image, Plane, View
     from plateau.metric.noise_model import NoiseModel
@@ -52,6 +53,8 @@ class Quality:
     jod: float
     #: It is at least this in about nine cases of ten.
     low_jod: float
+    #: Whether that is less by light that fireflies hide.
+    has_fireflies: bool = False
     #: Where a person would see the noise, (H, W) float32 of 0 or more: what is lost, over 10 JOD.
     heat: Plane | None = field(default=None, repr=False, compare=False)
     #: What each zone has of what is lost, if asked: see `plateau.metric.cvvdp.pooling`.
@@ -114,13 +117,27 @@ class QualityModel:
         """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
         return self._compared(amount).jod
 
+    def against(self, hidden: Image) -> Quality:
+        """Return the quality beside a converged image that has this light of fireflies, too."""
+        clean = self._eye.percept(displayed(self._model.clean + hidden, self._view))
+        lost = BEST_JOD - min(self._compared(amount, clean).jod for amount in (1.0, -1.0))
+        low_jod = BEST_JOD - lost * (1 + MODEL_ERROR)
+        if low_jod >= self.quality.low_jod:
+            return self.quality
+        return replace(self.quality, low_jod=low_jod, has_fireflies=True)
+
     def _compared(
-        self, amount: float, *, heat: bool = False, zone_size: int | None = None
+        self,
+        amount: float,
+        clean: Percept | None = None,
+        *,
+        heat: bool = False,
+        zone_size: int | None = None,
     ) -> Comparison:
         shown = np.empty(self._model.clean.shape, np.float32)
         by_rows(self._show, shown.shape[:2], amount, shown)
         noisy = self._eye.percept(shown)
-        return self._eye.compare(self._clean, noisy, heat=heat, zone_size=zone_size)
+        return self._eye.compare(clean or self._clean, noisy, heat=heat, zone_size=zone_size)
 
     def _show(self, first: int, last: int, amount: float, out: Image) -> None:
         noisy = self._model.rows(first, last).finite_noisy(amount)

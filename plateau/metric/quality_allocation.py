@@ -2,8 +2,7 @@
 
 What ColorVideoVDP finds lost is a sum over pixels, and almost only over those of the finest bands.
 So every zone has a share of it (`plateau.metric.cvvdp.pooling.shares_by_zone`). The image has the
-target's quality with the fewest samples where the last sample of every zone takes away equally
-much.
+target's quality with the fewest samples where the last sample of each zone takes away as much.
 
 References
 ----------

@@ -3,8 +3,7 @@
 Under a filter wider than a box, a zone's samples reach into its neighbours. Where zones have
 different numbers of samples, a pixel between them would be made of the denser zone's samples above
 all, and edges would show. So each zone's sums are kept apart, with its border, and are divided by
-its own samples per pixel before they meet. Under a box filter no zone has a border, and the canvas
-is the film.
+its own samples per pixel before they meet. Under a box filter the canvas is the film.
 """
 
 from __future__ import annotations

@@ -18,8 +18,7 @@ _LOG = logging.getLogger("plateau")
 class Standing:
     """The checks of `processes.process.when_checked`, for an API that may start without Redis.
 
-    While Redis is away, the API answers 503. It is checked when Redis first answers. `stop` ends
-    the wait.
+    Without Redis the API answers 503. It is checked once Redis answers. `stop` ends the wait.
 
     Raises
     ------

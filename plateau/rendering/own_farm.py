@@ -107,8 +107,7 @@ class OwnFarm:
     def check(self) -> None:
         """Restart what died, and pass on news; call it a few times a second.
 
-        Raises `PlateauError` where a process of this machine dies again and again, or no node can
-        work.
+        Raises `PlateauError` where a process of this machine keeps dying, or no node works.
         """
         self._tree.check()
         was_full, room = self._is_full, shutil.disk_usage(tempfile.gettempdir()).free

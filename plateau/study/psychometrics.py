@@ -109,8 +109,7 @@ def fit_logit(spp: Sequence[float], probabilities: Sequence[float]) -> LogitFit:
     Notes
     -----
     A fit to logits weighs all points alike, however close to 0 or c, as the paper does. The
-    maximum-likelihood fit to single answers in `plateau.study.answers` weighs them by their
-    information.
+    maximum-likelihood fit to single answers in `plateau.study.answers` weighs by information.
 
     Examples
     --------

@@ -14,8 +14,7 @@ from plateau.commands.options.taking import Decorator, options_of, taking
 #: Options that choose among many workers and jobs; useless for a single job.
 AMONG_MANY: Final = ("pool", "require", "after", "priority", "batch", "shot")
 
-#: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`. Its module is imported only when a
-#: command runs.
+#: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`; imported when a command runs.
 Spec: TypeAlias = Any
 
 

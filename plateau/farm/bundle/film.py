@@ -43,8 +43,7 @@ class Film:
         Raises
         ------
         BundleError
-            A size is not a whole number, the film is empty or too large, or the crop window lies
-            outside it.
+            A size is not a whole number, the film is empty or too large, or the crop is outside it.
         """
         width = self._pixels("width", _DEFAULT_WIDTH, least=1)
         height = self._pixels("height", _DEFAULT_HEIGHT, least=1)

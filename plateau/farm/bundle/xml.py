@@ -80,8 +80,7 @@ class XmlBudget:
     """How much may still be spent on reading one scene.
 
     A file is counted each time that it is included: nested includes can multiply a small bundle
-    without end. A file that need not be read again is counted, too (`spend_again`): Mitsuba will
-    read it.
+    without end. A file not read again is counted, too (`spend_again`): Mitsuba will read it.
     """
 
     def __init__(self, limits: BundleLimits) -> None:

@@ -2,8 +2,7 @@
 
 All jobs, those in a state, of a batch, of an owner and the deleted ones have an index each. So the
 cost of a page does not grow with the stored jobs where one of them has what is asked for, but for
-the deleted jobs that it passes over. Otherwise the jobs of one index are read until the page is
-full.
+the deleted jobs that it passes over. Otherwise jobs of one index are read until the page is full.
 """
 
 import json

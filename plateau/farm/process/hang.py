@@ -1,7 +1,6 @@
 """Notices a thread that waits for a disk, a network mount or a device that does not answer.
 
-No signal ends such a wait, so the thread can do nothing about it. Another one can let others have
-its work.
+No signal ends such a wait, so the thread can do nothing. Another one can let others have its work.
 """
 
 import subprocess

@@ -6,8 +6,7 @@ nothing refers to, for the next one. `finished_jobs`, `orphans` and `scenes` exp
 goes that is needed.
 
 A Redis that lost its data, or the wrong one, knows none of the jobs, and all results would be
-orphans. So nothing is removed unless `plateau.farm.ledger.pairing` finds that the two belong
-together.
+orphans. So nothing is removed unless by `plateau.farm.ledger.pairing` the two belong together.
 """
 
 from dataclasses import dataclass

@@ -3,8 +3,7 @@
 A job is in Redis before its first blob is put, and its id is never reused. So a blob whose job
 Redis does not know after the listing belongs to a job that is gone for good. The set of results and
 the ledger of a finished job do not change any more, so its other results and partials are leftovers
-of processes that were killed or late. Blobs of unfinished jobs, and unknown kinds of blobs, are
-left alone.
+of processes that were killed or late. Blobs of unfinished jobs, and of unknown kinds, are left.
 
 Extensions name the orphans among their own blobs.
 """

@@ -17,8 +17,7 @@ that dies in between leaves the mark for five minutes, in which the API answers 
 One gap remains: a sweep that is suspended for these minutes exactly between its look at the clock
 and its call to the blob store.
 
-The first sweep that sees a scene without a note, which a sweep that died may leave, notes a use at
-that moment.
+The first sweep that sees a scene without a note, which a dead sweep may leave, notes a use then.
 """
 
 import time

@@ -137,8 +137,7 @@ class ColorVideoVDP:
         Raises
         ------
         ValueError
-            If the images differ in size, or were prepared for another display or another rate of
-            frames.
+            If the images differ in size, or were prepared for another display or frame rate.
         """
         require_same_size(reference.shape, test.shape)
         for percept in (reference, test):

@@ -12,6 +12,7 @@ from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, pl
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
+from plateau.metric.fireflies import hidden_light
 from plateau.metric.forecasts import forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
@@ -128,15 +129,19 @@ class Evidence:
     def quality(self) -> Quality | None:
         """The quality by ColorVideoVDP; None where the image's error is not known.
 
-        That of a denoised image is at least what the doubt about its error leaves of it. An image
-        of less than 4 by 4 pixels has none.
+        It is at least what fireflies leave of it, and that of a denoised image what the doubt about
+        its error leaves. An image of less than 4 by 4 pixels has none.
         """
-        model = self._quality_model
-        if model is None or self.error is None:
-            return None if model is None else model.quality
-        view, greatest = self.metric.view, self.error.greatest
-        most = QualityModel(greatest, view, zone_size=BLOCK, heat=False).quality
-        return replace(model.quality, low_jod=doubted(model.quality, most), zones=None)
+        model, view = self._quality_model, self.metric.view
+        if model is None:
+            return None
+        hidden = None if self.halves is None else hidden_light(self.halves, view)
+        quality = model.quality if hidden is None else model.against(hidden)
+        if self.error is None:
+            return quality
+        most = QualityModel(self.error.greatest, view, zone_size=BLOCK, heat=False).quality
+        least = min(quality.low_jod, doubted(model.quality, most))
+        return replace(quality, low_jod=least, zones=None)
 
     @cached_property
     def _quality_model(self) -> QualityModel | None:
@@ -181,8 +186,7 @@ class Evidence:
 
         The parameters are those of `plateau.metric.allocation.plan_round`. A quality to reach, in
         JOD, counts instead of the noise, where the image has a quality (`plan_by_quality`). Rounds
-        of a denoised image are large. Where its likely error is small enough, they go where it may
-        be greater.
+        of a denoised image are large. Where its likely error is small enough, the greatest counts.
         """
         if self._model is None:
             return None

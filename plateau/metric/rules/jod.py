@@ -131,6 +131,8 @@ class Jod(Rule):
         words = (
             f"the quality is an estimated {quality.jod:.2f} JOD, and surely {quality.low_jod:.2f}"
         )
+        if quality.has_fireflies:
+            words += ", as fireflies hide light that the converged image has around them"
         words += left_out(float((~evidence.finite).sum()))
         target = f"the target of {self.target:g} JOD"
         if not evidence.is_lit:

@@ -96,8 +96,7 @@ def run(
     Raises
     ------
     CannotListen
-        The host is not loopback and no key exists, the port is taken, or the certificate cannot be
-        used.
+        The host is not loopback and no key exists, the port is taken, or the certificate unusable.
     """
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
@@ -163,8 +162,7 @@ def spool_in(folder: Path) -> None:
 def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
     """When an API that listens on this host demands keys.
 
-    Raises `CannotListen` if other machines could reach it, and it would be open or no usable key
-    exists.
+    Raises `CannotListen` if other machines could reach it, and it is open or has no usable key.
     """
     if is_loopback(host):
         return Access.OPEN if open_to_all else Access.UNTIL_KEYS

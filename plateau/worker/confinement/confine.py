@@ -12,8 +12,7 @@ its time. Four measures then protect all other processes of the machine, its sup
 All are applied before the child has a second thread and before it sees a scene. A child that
 becomes another program takes what holds for single threads before that, and all four measures
 there. A measure that the kernel lacks is reported and left out. A scene that takes a child over
-still reaches the scenes that this child is given, and the kernels that children of this machine
-share.
+still reaches the scenes that this child is given, and the kernels that children share.
 """
 
 import json

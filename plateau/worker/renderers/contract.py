@@ -28,8 +28,7 @@ values instead, as `Renderer.render` says. The end of the socket's stream is the
 of the child.
 
 `plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer's
-`plateau.farm.model.renderers.RendererFacts` name that class, and have all that the rest of the farm
-knows of it.
+`plateau.farm.model.renderers.RendererFacts` name that class, and have all that others know of it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A program that brings its own Python and a renderer's package.
 
 Where this Python lacks the package, such a program on the PATH can run the same modules of Plateau
-in its place. Both Pythons have to be of one version, for libraries such as OpenEXR's are compiled
-for one.
+in its place. Both Pythons have to be of one version, as OpenEXR's library is compiled for one.
 """
 
 import contextlib

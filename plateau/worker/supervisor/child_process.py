@@ -64,8 +64,7 @@ class RenderChild:
     Every request raises `ChildDied` if the process ends, breaks the protocol, is stuck, or does not
     answer in time (its whole process group is then killed). It raises `SceneError` with the
     renderer's message, and `OSError` if the disk of `home` takes no film; the scene then has to be
-    loaded again. After `cancel`, called from another thread, the current request raises
-    `Cancelled`.
+    loaded again. After `cancel`, in another thread, the current request raises `Cancelled`.
     """
 
     def __init__(

@@ -42,8 +42,7 @@ class MachineUse:
     def look_at_devices(self) -> None:
         """Note what is left of the disk, and the temperature.
 
-        A device may not answer, so this is for the thread that renders, and never for the
-        heartbeat.
+        A device may not answer, so this is for the thread that renders, not the heartbeat.
         """
         with suppress(OSError):  # the next slice will meet the same error
             usage = shutil.disk_usage(self._cache)

@@ -52,8 +52,7 @@ class PlacedFiles:
         """Compare the files that a scene names with its list, and link them into its folder.
 
         Returns the names of its roots: none for a scene that holds all of its files. To call before
-        each time that the scene is loaded, and again afterwards; only a file that has changed is
-        read again.
+        each time that the scene is loaded, and again afterwards; only changed files are read again.
 
         Raises
         ------

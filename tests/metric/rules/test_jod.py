@@ -162,3 +162,23 @@ def test_an_image_without_any_light_is_never_good_enough():
     # One without noise is, and its reason says what it cannot know
     still = [rule.judge(evidence(spp, sigma=0)) for spp in (800, 1000)][-1]
     assert (still.stop, "no sample differs" in still.reason) == (True, True)
+
+
+def test_fireflies_in_a_single_place_hide_light_and_end_nothing():
+    truth, place = RAMP.copy(), np.zeros((SIDE, SIDE, 1), np.float32)
+    truth[:32, 32:] += 0.05
+    place[:32:16, 32::16] = 0.05 * 16**2  # the same light, in four of its pixels
+
+    def lit(spp, fireflies):
+        calm = evidence(spp, sigma=0.1, view=View())
+        even, odd = calm.halves
+        even = Half(even.mean + 2 * np.float32(fireflies) * place, even.spp)
+        return replace(calm, image=(even.mean + odd.mean) / 2, halves=(even, odd))
+
+    for fireflies in (False, True):
+        first, last = (lit(spp, fireflies) for spp in (2000, 2100))
+        verdict = verdicts(first, last)[-1]
+        assert verdict.stop != fireflies
+        assert ("fireflies hide light" in verdict.reason) == fireflies
+    assert true_jod(last, truth) < 9.0 < last.quality.jod
+    assert last.quality.low_jod == pytest.approx(true_jod(last, truth), abs=0.05)

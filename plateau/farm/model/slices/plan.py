@@ -181,8 +181,7 @@ class Plan:
     def slices_of(self, spp: int) -> int:
         """Return the first slices that have these samples per pixel, or else almost as many.
 
-        By zones, several numbers of slices may have the same. One at which the image is judged
-        comes first.
+        By zones, several numbers of slices may have the same. One that is judged comes first.
         """
         if not self.by_zones:
             return spp // self.slice_spp

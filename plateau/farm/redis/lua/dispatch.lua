@@ -1,6 +1,5 @@
 -- Runs the command that ARGV names, with its arguments as JSON; the answer is JSON, too. A process of
--- another version than the data changes nothing. After a command, wherever it returned, changed jobs are
--- filed.
+-- another version than the data changes nothing. After any end of a command, changed jobs are filed.
 local layout = redis.call('GET', SCHEMA)
 if layout and layout ~= LAYOUT then return redis.error_reply('WRONGLAYOUT ' .. layout) end
 local command = for_workers[ARGV[1]]

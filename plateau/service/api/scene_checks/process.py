@@ -19,8 +19,7 @@ Asked = tuple[Mapping[str, str], int]
 class CheckBudget:
     """The limits on a check.
 
-    The most expensive scene that was found within the limits of `plateau.farm.bundle` took 3.6 s
-    and 130 MB.
+    The most expensive scene that was found within the limits of the bundle took 3.6 s and 130 MB.
     """
 
     cpu_s: float = 10.0  #: CPU time of a set of values; the kernel counts whole seconds
