@@ -1,7 +1,6 @@
 """What installed distributions offer by entry points: rules, renderers and extensions.
 
-The entry points are read once in a process, when the first of them is needed; that takes some
-milliseconds.
+The entry points are read once in a process, when the first is needed, in some milliseconds.
 
 An extension is a package that no other module of Plateau names, but an entry point of the group
 `plateau.extensions`. It may have modules of these names, each of which is imported when it is

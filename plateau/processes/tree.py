@@ -245,12 +245,12 @@ class Tree:
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:
         """The URL that the API writes into its end of the pipe once it answers."""
         deadline, url = time.monotonic() + _API_START_S, ""
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and not self.interrupts.asked.is_set():
             if select.select([pipe], [], [], _TICK_S)[0]:
                 url = pipe.readline().strip()  # empty if the API died
                 break
-            if self.interrupts.asked.is_set():
-                raise KeyboardInterrupt
+        if self.interrupts.asked.is_set():
+            raise KeyboardInterrupt
         if not url:
             raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
         return url

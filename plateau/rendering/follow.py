@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from plateau.client import ApiError, Client
 from plateau.farm.model.job import Event
+from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
 from plateau.processes.interrupts import Interrupts
 from plateau.terminal.progress import Progress
@@ -87,6 +88,13 @@ def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progr
                     raise
 
     return tick
+
+
+def worth_keeping(job: JobView, interrupts: Interrupts) -> JobView:
+    """The job; raises `KeyboardInterrupt` where that ended it before it had an image."""
+    if interrupts.asked.is_set() and job.state is JobState.CANCELLED and job.image_spp is None:
+        raise KeyboardInterrupt
+    return job
 
 
 def _fetch(client: Client, job_id: str, shown: Progress) -> tuple[JobView, float]:

@@ -266,7 +266,7 @@ def _run(
 ) -> "JobView":
     """Submit the job and follow it to its end; the first interrupt cancels it."""
     from plateau.client.events import is_rendered
-    from plateau.rendering.follow import cancelling, follow
+    from plateau.rendering.follow import cancelling, follow, worth_keeping
 
     job = farm.client.submit(scene, spec)
     if not are_compiled():
@@ -279,7 +279,7 @@ def _run(
         farm.check()
         cancel_if_asked(event)
 
-    return follow(farm.client, job.id, shown, tick)
+    return worth_keeping(follow(farm.client, job.id, shown, tick), interrupts)
 
 
 @contextmanager

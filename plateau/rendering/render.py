@@ -96,8 +96,7 @@ def render(
     KeyboardInterrupt
         It was interrupted before there was an image.
     plateau.errors.PlateauError
-        It could not start (`ExtraMissing` names what to install), or the farm refuses it
-        (`ClientError`).
+        It could not start (`ExtraMissing` names what to install), or is refused (`ClientError`).
 
     Examples
     --------
@@ -136,8 +135,6 @@ def render(
                 write_or_keep(client, job, folder)
     if result.state is JobState.FAILED:
         raise RenderFailed(result)
-    if result.state is JobState.CANCELLED and interrupts.asked.is_set() and not result.has_image:
-        raise KeyboardInterrupt
     return result
 
 
@@ -152,12 +149,13 @@ def _rendered_there(
 ) -> Iterator[tuple["Client", "JobView"]]:
     from plateau.client import Client
     from plateau.processes.read_settings import api_key, read_settings
-    from plateau.rendering.follow import cancelling, follow
+    from plateau.rendering.follow import cancelling, follow, worth_keeping
 
     with Client(farm, key=key or api_key(read_settings())) as client:
         job = client.submit(file, spec)
         view = shown(client)
-        yield client, follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
+        job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
+        yield client, worth_keeping(job, interrupts)
 
 
 def _progress(client: "Client", *, wanted: bool) -> "Progress":

@@ -1,8 +1,7 @@
 """How a scene wants its light to be shown: its view transform, baked into a table.
 
 A renderer that has such a transform (AgX or Filmic, with exposure and contrast) bakes it with its
-own library. So whoever judges and shows the image needs neither that library nor its
-configuration.
+own library. So whoever judges and shows the image needs no such library.
 """
 
 from __future__ import annotations

@@ -94,8 +94,7 @@ class ColorVideoVDP:
         Raises
         ------
         ValueError
-            If the image is not (H, W, 3), too small, not finite everywhere, or has code values
-            outside [0, 1].
+            If the image is not (H, W, 3), too small, not finite, or has code values outside [0, 1].
         """
         image = checked(image, self.display)
         colours = np.empty((COLOURS, *image.shape[:2]), np.float32)

@@ -27,8 +27,7 @@ class Successive(RuleOverEarlierImages):
     Notes
     -----
     The paper stops where the differences "become null". Here the threshold is in visible pixels at
-    512×512, scales with the pixel count and is at least one pixel. Pixels that are NaN or infinite
-    are left out.
+    512×512, scales with the pixel count and is at least one pixel. Pixels not finite are left out.
 
     It stores one image, that of the evaluation before.
 

@@ -24,8 +24,7 @@ and each answer is one object, whose ``"is"`` names its kind::
 The classes below say what each means. Pixels do not go through the socket: the child writes them
 into a file that it inherits too. A film lies there as height × width × channels values in float32,
 from the byte ``at`` on, until the next request to render. The film of zones has pixels × channels
-values instead, as `Renderer.render` says. The end of the socket's stream is the end
-of the child.
+values instead, as `Renderer.render` says. The end of the stream is the child's.
 
 `plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer's
 `plateau.farm.model.renderers.RendererFacts` name that class, and have all that others know of it.

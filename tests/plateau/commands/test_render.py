@@ -83,22 +83,31 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
     assert (tmp_path / "out" / "image.exr").exists()
 
 
-def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render, tmp_path: Path) -> None:
+@pytest.mark.parametrize("begun", [False, True], ids=["at the start", "in the queue"])
+def test_ctrl_c_before_anything_is_rendered_leaves_what_was_there(
+    begun: bool, render: Render, tmp_path: Path
+) -> None:
+    # Given results of an earlier job, and a farm that starts, or whose worker does not move
     out = tmp_path / "out"
     out.mkdir()
-    for _ in range(10):  # on a busy machine a job may have begun before
-        (out / ".plateau-job").write_text("0123456789ab\n")
-        (out / "image.png").write_text("an earlier image")
-        (out / "summary.json").unlink(missing_ok=True)
-        command = render()
-        until(lambda: len(command.family()) >= 1, 60)  # noqa: B023
-        command.process.send_signal(signal.SIGINT)
-        assert command.exit_code() == 130
-        left_nothing(command)
-        if not (out / "summary.json").exists():
-            break
-    # And so it leaves what was there before
+    (out / ".plateau-job").write_text("0123456789ab\n")
+    (out / "image.png").write_text("an earlier image")
+    command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
+    until(command.family, 60)
+    if begun:
+        worker = command.member("worker")
+        worker.suspend()
+        command.wait_for("queued")
+    # When it is interrupted
+    command.process.send_signal(signal.SIGINT)
+    if begun:
+        command.wait_for("cancelling")
+        worker.resume()
+    # Then it leaves at once, and no summary of nothing takes the place of an image
+    assert command.exit_code() == 130
+    left_nothing(command)
     assert (out / "image.png").read_text() == "an earlier image"
+    assert not (out / "summary.json").exists()
 
 
 def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:

@@ -106,8 +106,8 @@ class Command:
         return [one for one in self._seen.values() if _runs(one)]
 
     def member(self, name: str) -> psutil.Process:
-        """The process that runs ``plateau NAME``."""
-        return next(one for one in self.family() if name in one.cmdline()[2:4])
+        """The process that runs ``plateau NAME``, once there is one."""
+        return until(lambda: next((one for one in self.family() if _is(name, one)), None), 60)
 
     def exit_code(self, seconds: float = 120) -> int:
         """Its exit code, once it has ended."""
@@ -132,6 +132,13 @@ def starting(start: Callable[..., Command]) -> Iterator[Callable[..., Command]]:
     """What starts commands, none of which outlives the fixture that yields from this."""
     with ExitStack() as stack:
         yield lambda *given, **more: stack.enter_context(start(*given, **more))
+
+
+def _is(name: str, process: psutil.Process) -> bool:
+    try:
+        return name in process.cmdline()[2:4]
+    except psutil.NoSuchProcess:
+        return False
 
 
 def _runs(process: psutil.Process) -> bool:
