@@ -76,7 +76,7 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     Raises
     ------
     BundleError
-        A file is missing or cannot keep its place; names it, and the XML and line that does.
+        A file is missing or cannot keep its place; names it, and where the XML has it.
     """
     return _found(path, parameters).packed()
 

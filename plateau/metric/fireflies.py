@@ -45,8 +45,8 @@ def hidden_light(halves: tuple[Half, Half], view: View) -> Image | None:
     >>> hidden_light((Half(bright, 50), Half(calm, 50)), View())[::32, ::32, 0].tolist()
     [[0.0, 0.099609375], [0.0, 0.0]]
     """
-    (one, other), share = (as_image(half.mean) for half in halves), halves[0].spp
-    share /= share + halves[1].spp
+    one, other = (as_image(half.mean) for half in halves)
+    share = halves[0].spp / (halves[0].spp + halves[1].spp)
     white = np.float32(view.brightest)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left out
         image = other + np.float32(share) * (one - other)
@@ -60,7 +60,7 @@ def hidden_light(halves: tuple[Half, Half], view: View) -> Image | None:
     )
     if not (hidden > LEAST_SEEN * light).any():
         return None
-    pixels = zone_sums(np.ones(image.shape[:2]), BLOCK)[..., np.newaxis]
     height, width = image.shape[:2]
+    pixels = zone_sums(np.ones((height, width)), BLOCK)[..., np.newaxis]
     spread: Image = np.float32(hidden / pixels).repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
     return spread[:height, :width]

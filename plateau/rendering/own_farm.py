@@ -219,7 +219,7 @@ def rendered_alone(
         Those of `checked_settings`.
     interrupts
         The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
-        before the job is submitted.
+        before there is an image.
     workers, threads, on
         As for `own_farm`.
     progress
