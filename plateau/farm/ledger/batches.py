@@ -140,7 +140,6 @@ class Batches:
         return [_steered(job_id, steer, answers.get(job_id)) for job_id in job_ids]
 
     def _members(self, job_ids: list[str]) -> list[Member]:
-        specs: dict[str, JobSpec] = {}
         members = []
         for start in range(0, len(job_ids), _AT_ONCE):
             some = job_ids[start : start + _AT_ONCE]
@@ -149,7 +148,7 @@ class Batches:
                 if fields[_FIELDS[0]] is None:  # forgotten a moment ago
                     continue
                 with records.leaving_out_unreadable(), records.reading(job_id):
-                    members.append(_member(job_id, fields, specs))
+                    members.append(_member(job_id, fields))
         return members
 
 
@@ -186,7 +185,7 @@ def _steered(job_id: str, steer: Steer, answer: Moved | None) -> SteeredJob:
     return SteeredJob(job=job_id, done=done, state=found, why_not=None if done else "it has ended")
 
 
-def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec]) -> Member:
+def _member(job_id: str, fields: dict[str, str | None]) -> Member:
     latest = json.loads(fields["latest"] or "{}")
     times = {
         name: moment(at) if (at := fields[name]) is not None else None
@@ -194,7 +193,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
     }
     return Member(
         id=job_id,
-        spec=_shared_spec(fields["spec"] or "", specs),
+        spec=_shared_spec(fields["spec"] or ""),
         state=JobState(fields["state"] or ""),
         held=fields["held"] is not None and fields["state"] == JobState.QUEUED,
         spp=int(fields["spp"] or 0),
@@ -210,10 +209,6 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
     )
 
 
-def _shared_spec(text: str, specs: dict[str, JobSpec]) -> JobSpec:
-    """The spec without its parameters, read once for all jobs that share it."""
-    fields = {**json.loads(text), "parameters": {}}
-    shared = json.dumps(fields)
-    if shared not in specs:
-        specs[shared] = stored_spec(shared)
-    return specs[shared]
+def _shared_spec(text: str) -> JobSpec:
+    """The spec without what differs between the jobs of a batch, so that it is read once."""
+    return stored_spec(json.dumps({**json.loads(text), "parameters": {}, "frame_seed": 0}))

@@ -17,6 +17,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import link_options, open_link
 
 _RETRY_S: Final = 1.0
+_GATHER_S: Final = 0.03  #: a wait after a batch: a point, the end and its results come together
 #: One for each watcher; redis-py's own limit is 100, that of Redis 10,000.
 _CONNECTIONS: Final = 5000
 
@@ -71,6 +72,7 @@ class EventHub:
             after = batch[-1].id if batch else after
             if any(one.type == "finished" for one in batch):
                 return
+            await asyncio.sleep(_GATHER_S if batch else 0)
 
     async def _entries(self, stream: str, after: str, block_ms: int) -> Any:
         # xread's coroutine holds another, which a task cancelled before its start never awaits

@@ -44,6 +44,7 @@ class JobRun:
     def __init__(
         self,
         owned: Ownership,
+        job: Job,
         jobs: Jobs,
         owners: Ownerships,
         store: Blobs,
@@ -57,7 +58,6 @@ class JobRun:
         self._owners = owners
         self._blobs = store
         self._keeps_sums = keeps_sums
-        job = jobs.get(owned.job_id)
         self._image = JobImage(job.id, is_denoised=job.spec.is_denoised, denoising=denoising)
         self._judge = Judge(job.spec)
         self._point: dict[str, Any] = {}  # the last judgement's
@@ -90,13 +90,12 @@ class JobRun:
         """Whether all that it knows is in its checkpoint, with which it waits for a look."""
         return self._known.is_held and self._known.is_waiting
 
-    def advance(self, crew: Crew) -> bool:
-        """Do everything that can be done now; returns whether the job is finished.
+    def advance(self, job: Job, crew: Crew) -> bool:
+        """Do everything that can be done now with the job as it is; returns whether it is finished.
 
         Raises `FenceLost` if another monitor owns the job, `StoreUnavailable` to be called again
         later, and `CorruptPartial` or `ValueError` if a slice can never be merged.
         """
-        job = self._jobs.get(self.owned.job_id)
         if job.spec.allocation != self._known.job.spec.allocation:
             self._begin(job)
         self._known = self._known.turn(job, enough(crew.fitting(job)), time.monotonic())

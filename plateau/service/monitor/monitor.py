@@ -23,6 +23,7 @@ from plateau.farm.model.errors import (
     StoreUnavailable,
 )
 from plateau.farm.model.fit import Crew
+from plateau.farm.model.job import Job
 from plateau.farm.process import log
 from plateau.farm.process.child import HANGS
 from plateau.farm.process.hang import Hang
@@ -207,12 +208,13 @@ class Monitor:
     def _advance(self, owned: Ownership, crew: Crew) -> bool:
         """Advance one job, or give it up; returns whether it is finished."""
         try:
-            run = self._runs.get(owned.job_id)
+            job, run = self._jobs.get(owned.job_id), self._runs.get(owned.job_id)
             if run is None:
-                if self._is_waiting(owned.job_id):
+                if self._is_waiting(job):
                     return False
                 run = JobRun(
                     owned,
+                    job,
                     self._jobs,
                     self._owners,
                     self._blobs,
@@ -221,10 +223,10 @@ class Monitor:
                     keeps_sums=self._keeps_sums,
                 )
                 self._runs[owned.job_id] = run
-            done = run.advance(crew)
+            done = run.advance(job, crew)
             if run.waits_for_shot:  # all that it has is stored, and its sums are large
                 del self._runs[owned.job_id]
-                self._is_waiting(owned.job_id)
+                self._is_waiting(self._jobs.get(owned.job_id))
             return done
         except FenceLost as lost:
             _LOG.warning("%s", lost)
@@ -237,13 +239,12 @@ class Monitor:
             _LOG.exception("the job cannot continue")
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")
 
-    def _is_waiting(self, job_id: str) -> bool:
+    def _is_waiting(self, job: Job) -> bool:
         """Note whether the job is a frame that waits for a look at its shot."""
-        job = self._jobs.get(job_id)
         if job.in_shot is None or not job.in_shot.is_waiting or job.state.ended:
-            self._tending.remove(job_id)
+            self._tending.remove(job.id)
             return False
-        self._tending.add(job_id, job.in_shot.id)
+        self._tending.add(job.id, job.in_shot.id)
         return True
 
     def _living(self) -> Crew:

@@ -1,5 +1,6 @@
 """The specifications of a job and of a batch: what they share, and the scene's parameters."""
 
+from functools import lru_cache
 from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -74,8 +75,9 @@ class JobSpec(SharedSpec):
         )
 
 
+@lru_cache
 def stored_spec(text: str) -> JobSpec:
-    """The spec as Redis has it."""
+    """The spec as Redis has it; to be read alone, as several records share it."""
     return JobSpec.model_validate_json(text)
 
 
