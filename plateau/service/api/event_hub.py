@@ -27,8 +27,7 @@ _log = logging.getLogger(__name__)
 class EventHub:
     """Events of jobs as they happen, from any point of the past on.
 
-    Each watcher waits in Redis for the events after the last one that it had. So none is lost or
-    sent twice, even through outages of Redis.
+    Each watcher waits in Redis for what comes after its last event: none is lost or sent twice.
     """
 
     def __init__(self, redis_url: str) -> None:

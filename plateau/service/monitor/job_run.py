@@ -82,8 +82,7 @@ class JobRun:
             judged=recovered,
             saved=recovered,
             saved_at_s=time.monotonic(),
-        )
-        self._known = self._known.with_wait()
+        ).with_wait()
 
     @property
     def waits_for_shot(self) -> bool:
@@ -154,8 +153,6 @@ class JobRun:
                 return replace(known, concluded=True)
             case steps.FinishJob(keeps_sums):
                 self._finish(keeps_sums=keeps_sums)
-            case steps.Wait():
-                pass
         return known
 
     def _merge_slice(self) -> Known:

@@ -75,6 +75,7 @@ class Monitor:
         self._turns = Turns(time.monotonic)
         self._share = Share(time.monotonic)
         self._denoising = Denoising()
+        self._of_runs = self._jobs, self._owners, store, self._ahead, self._denoising
         self._tending = Tending(Shots(client), store)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when to look at them again
@@ -156,8 +157,7 @@ class Monitor:
     def _take(self, hinted: set[str]) -> None:
         """Take the jobs without an owner, up to this monitor's share.
 
-        Other monitors' jobs are tried when they are given back, and from time to time, because a
-        dead monitor gives nothing back. So monitors cost each other next to nothing.
+        Others' jobs are tried when given back, and now and then, as the dead give nothing back.
         """
         now = time.monotonic()
         free = {hint for hint in hinted if hint.startswith(keys.FREE)}
@@ -212,16 +212,7 @@ class Monitor:
             if run is None:
                 if self._is_waiting(job):
                     return False
-                run = JobRun(
-                    owned,
-                    job,
-                    self._jobs,
-                    self._owners,
-                    self._blobs,
-                    self._ahead,
-                    self._denoising,
-                    keeps_sums=self._keeps_sums,
-                )
+                run = JobRun(owned, job, *self._of_runs, keeps_sums=self._keeps_sums)
                 self._runs[owned.job_id] = run
             done = run.advance(job, crew)
             if run.waits_for_shot:  # all that it has is stored, and its sums are large

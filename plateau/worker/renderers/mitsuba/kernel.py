@@ -1,20 +1,22 @@
 """The pass kernel of Mitsuba's JIT variants: samples of any pixels, summed without a race.
 
 Mitsuba's own `render` adds samples to the film by atomic operations, in the order in which threads
-come: the sums of a pixel, and of a reconstruction filter wider than one, have last bits that are up
-to chance. Here a lane is one sample. Its random numbers depend on the pass's seed, its pixel and
-its number in the pixel. The samples of a pixel are added in the order of their numbers, and what
-they give to other pixels in the order of rows and of the filter's taps. So no bit depends on the
-number of threads, on the *chunks* of rows in which a pass is rendered, or on what else a chunk has.
-
-Part of the render child: imports Mitsuba, whose variant has to be set.
+come: the last bits of its sums are up to chance. Here a lane is one sample. Its random numbers
+depend on the pass's seed, its pixel and its number in the pixel. The samples of a pixel are added
+in the order of their numbers, and what they give to other pixels in the order of rows and of the
+filter's taps. So no bit depends on the number of threads, on the *chunks* of rows in which a pass
+is rendered, or on what else a chunk has. Part of the render child: imports Mitsuba, whose variant
+has to be set.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
 import time
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import drjit as dr
@@ -43,6 +45,10 @@ _LARGEST_CHUNK: Final = 2**22
 _LARGEST_SUMS: Final = 2**25
 #: Seconds that a chunk may take before the next ones are smaller: a cancel waits for its end.
 _CHUNK_S: Final = 0.8
+
+#: Lanes that a thread takes at a time; of more, a chunk has few such shares, and ends late.
+_LANES: Final = 2**11
+LANES_OF_DR_JIT: Final = 2**14  #: while a scene is loaded: last bits of its sums depend on it
 
 #: Rounds of the Tiny Encryption Algorithm that make a lane's random numbers of its seed and key.
 #: Any number of rounds keeps lanes apart; 4, as Mitsuba's samplers have, mixes few bits.
@@ -103,8 +109,8 @@ class Kernel:
     ) -> Iterator[Array]:
         """Yield the film of each pass, as `plateau.worker.renderers.contract.Renderer.render` does.
 
-        The next chunk already renders while the one before is added to its film, so that the cores
-        do not wait. It is not begun sooner: Dr.Jit takes nothing back.
+        The next chunk already renders while the one before is added to its film. It is not begun
+        sooner: Dr.Jit takes nothing back.
         """
         before: _Rendered | None = None
         for film, bands, spp, seed in self._chunks(passes, zones, is_cancelled):
@@ -142,8 +148,7 @@ class Kernel:
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
         """Begin to render these pixels of the film; return the sums to be."""
-        # Opaque values stay out of the machine code: one kernel serves every seed and spp. A
-        # recording keeps the size of what it makes itself, and takes that of its arguments.
+        # Opaque, one kernel serves every seed and spp. A recording takes its arguments' sizes.
         opaque_spp = dr.opaque(mi.UInt32, spp)
         lane = dr.arange(mi.UInt32, pixels.size * spp)
         place = lane // opaque_spp
@@ -152,6 +157,7 @@ class Kernel:
         first = dr.arange(mi.UInt32, pixels.size) * opaque_spp
         arguments = pixel, key, first, mi.UInt32(seed), opaque_spp, mi.Float(1 / math.sqrt(spp))
         dr.make_opaque(arguments)
+        share_out(_LANES)
         with scene_errors():
             try:
                 sums = self._recorded(*arguments)
@@ -167,8 +173,8 @@ class Kernel:
     ) -> tuple[list[list[Any]], list[Any]]:
         """Return each pixel's sums, for each tap of the filter; and its ids.
 
-        Each lane has a pixel, and a key on which its random numbers depend beside the pass's seed.
-        `first` is the lane of each pixel's first sample, `spacing` that of its samples in pixels.
+        Random numbers depend on a lane's key and the pass's seed. `first` is the lane of each
+        pixel's first sample, `spacing` that of its samples in pixels.
         """
         one = self._one
         sampler = _lane_sampler()(seed, key)
@@ -239,6 +245,13 @@ class Kernel:
         x, y = (dr.gather(mi.Float, axis, lane) - 0.5 for axis in within)
         across, down = ([self._filter.eval(tap - at) for tap in taps] for at in (x, y))
         return [wide * high for high in down for wide in across]
+
+
+def share_out(lanes: int) -> None:
+    """Let Dr.Jit's threads take so many lanes at a time, for which it has no Python name."""
+    with suppress(AttributeError, OSError, StopIteration):  # of another version
+        core = ctypes.CDLL(str(next(Path(dr.__file__).parent.glob("libdrjit-core.*"))))
+        core._Z23jit_llvm_set_block_sizej(lanes)
 
 
 def _waited_for(begun: Any) -> tuple[list[list[Array]], list[Array]]:

@@ -15,7 +15,7 @@ from plateau.farm.model.slices.zones import pixels_of
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
-from plateau.worker.renderers.mitsuba.kernel import Kernel
+from plateau.worker.renderers.mitsuba.kernel import LANES_OF_DR_JIT, Kernel, share_out
 from plateau.worker.renderers.mitsuba.mitsuba_words import scene_errors
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, with_aovs
 from plateau.worker.renderers.mitsuba.scene_update import updated
@@ -64,6 +64,7 @@ class Renderer:
 
     def load(self, request: Load) -> Loaded:
         """Load a scene in the place of the one before; errors carry Mitsuba's message."""
+        share_out(LANES_OF_DR_JIT)
         # A scene may take minutes to load, and the frames of a sequence differ little.
         before, self._request = self._request, None
         if self._prepared is not None and _differ_in_parameters_alone(before, request):
@@ -71,7 +72,6 @@ class Renderer:
             if one is not None:
                 self._prepared, self._request = one, request
                 return self._loaded(one)
-        # The slices of a job may differ in their AOVs.
         kept = self._prepared if _differ_in_aovs_alone(before, request) else None
         self._unload()
         if kept is None:
