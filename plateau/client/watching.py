@@ -71,7 +71,6 @@ class WatchingCalls(Calls):
                         after = event.id
                         patience.renew()
                         if isinstance(event, FinishedEvent):
-                            list(lines)  # read to its end, the connection is kept
                             return
                 patience.renew()
             except ClientError as error:
