@@ -103,9 +103,9 @@ def markdown(table: Table) -> str:
 
 
 def spread(values: Sequence[float], decimals: int) -> str:
-    """Return the median, and the lowest and highest value."""
-    found = statistics.median(values), min(values), max(values)
-    return "{} ({} to {})".format(*(f"{value:.{decimals}f}" for value in found))
+    """Return the median and, of several, the lowest and highest value."""
+    found = (f"{one:.{decimals}f}" for one in (statistics.median(values), min(values), max(values)))
+    return ("{} ({} to {})" if len(values) > 1 else "{}").format(*found)
 
 
 def p99(values: Sequence[float]) -> float:
