@@ -38,7 +38,7 @@ def c_call(function: str, *arguments: object, what: str = "") -> int:
 
 def process_id() -> str:
     """A unique id for this process: its machine, its process id, and a random part."""
-    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
+    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
 
 
 def how_ended(status: int) -> str:

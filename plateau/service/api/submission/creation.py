@@ -67,4 +67,4 @@ def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
     """The spec of each job; those of a list in the batch that it names, or in a generated one."""
     if isinstance(spec, JobSpec):
         return [spec]
-    return spec.job_specs(spec.batch or f"{scene}-{secrets.token_hex(3)}")
+    return spec.job_specs(spec.batch or f"{scene}-{secrets.token_hex(4)}")
