@@ -5,6 +5,7 @@ threads of the process live on meanwhile.
 """
 
 import shutil
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -113,8 +114,20 @@ def _troubles(farm: FaultyFarm) -> list[str]:
 
 
 def _hangs(pid: int) -> bool:
-    """Whether a thread of the process is in a wait that no signal ends."""
-    states = (Path(f"/proc/{pid}/task/{one.id}/stat") for one in psutil.Process(pid).threads())
-    with suppress(OSError):  # of a thread that has just ended
-        return any(one.read_text().rpartition(")")[2].split()[0] == "D" for one in states)
-    return False
+    """Whether a thread is a second long in waits that no signal ends; a process starts in some."""
+    hung = _uninterruptible(pid)
+    for _ in range(10):
+        time.sleep(0.1)
+        hung &= _uninterruptible(pid)
+    return bool(hung)
+
+
+def _uninterruptible(pid: int) -> set[int]:
+    """The threads of a process that no signal reaches just now."""
+    found = set()
+    for one in psutil.Process(pid).threads():
+        with suppress(OSError):  # it has just ended
+            stat = Path(f"/proc/{pid}/task/{one.id}/stat").read_text()
+            if stat.rpartition(")")[2].split()[0] == "D":
+                found.add(one.id)
+    return found
