@@ -39,8 +39,7 @@ class JobCalls(Calls):
         ----------
         scene
             An XML, a zip, a folder with ``scene.xml``; ``scenes:NAME``, an example; a Mitsuba
-            dict; the SHA-256 of a stored scene; or ``{ROOT}/PATH``, one in a scene root of the
-            service.
+            dict; the SHA-256 of a stored scene; or ``{ROOT}/PATH``, in the service's scene roots.
         spec
             How it is sampled, judged and stopped.
         idempotency_key

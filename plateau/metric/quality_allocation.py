@@ -6,8 +6,7 @@ target's quality with the fewest samples where the last sample of each zone take
 
 References
 ----------
-R. K. Mantiuk et al., ColorVideoVDP, ACM Transactions on Graphics 43(4), 2024,
-doi:10.1145/3658144.
+R. K. Mantiuk et al., ColorVideoVDP, ACM Transactions on Graphics 43(4), 2024. doi:10.1145/3658144.
 """
 
 from __future__ import annotations

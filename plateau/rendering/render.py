@@ -57,8 +57,7 @@ def render(
     scene
         A Mitsuba XML, an analytic scene, or a file of another renderer; a zip or a folder of one;
         ``scenes:NAME``, an example; or a dict, as ``mitsuba.load_dict`` takes it.
-        A dict may have bitmaps, tensors, volume grids, numpy and Dr.Jit arrays, transforms and
-        meshes.
+        A dict may have bitmaps, tensors, volume grids, numpy and Dr.Jit arrays, transforms, meshes.
     spec
         How the scene is sampled, judged and stopped.
     farm
@@ -76,9 +75,8 @@ def render(
         Whether to show the image, the curve and the noise left in a notebook, or lines in a
         terminal, on standard error.
     **fields
-        Fields of `JobSpec`, which replace those of `spec`: ``max_spp=500``,
-        ``rule="fixed:spp=64"`` or ``rule={"name": "fixed", "spp": 64}``,
-        ``parameters={"width": 256}``.
+        Fields of `JobSpec`, which replace those of `spec`: ``max_spp=500``, ``rule="fixed:spp=64"``
+        or ``rule={"name": "fixed", "spp": 64}``, ``parameters={"width": 256}``.
 
     Returns
     -------

@@ -77,8 +77,7 @@ plateau:job:ID:sealed     hash    fields that workers cannot change: the job's A
                                   ``fence``, the fencing tokens given out;
                                   ``receivers`` of its notices, ``notice_url``,
                                   ``notice_secret``, "notice RECEIVER" → JSON of how it
-                                  stands; ``whole_batch`` (JSON) where it was the last
-                                  of its batch
+                                  stands; ``whole_batch`` (JSON) if its batch's last
 plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of     the job's
                                   shown results and of previews
 plateau:job:ID:shot       hash    of a shot's first frame: ``frames`` (JSON of ids), the  the job's

@@ -2,10 +2,9 @@
 
 The eye's response to frame f is a weighted sum of the last quarter of a second, up to f itself;
 before the first frame stands the first frame, unless others are given before it (`mirrored`). Its
-filters are even functions around the middle of
-that time, so they answer an eighth of a second late, to both videos alike. The opponent colours
-pass three low-pass filters, and the achromatic one, also a band-pass filter at 5 Hz: the transient
-channel, in which flicker is seen.
+filters are even functions around the middle of that time, so they answer an eighth of a second
+late, to both videos alike. The opponent colours pass three low-pass filters, and the achromatic
+one, also a band-pass filter at 5 Hz: the transient channel, in which flicker is seen.
 """
 
 from __future__ import annotations

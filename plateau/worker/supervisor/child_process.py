@@ -26,7 +26,7 @@ from plateau.worker.renderers import contract
 from plateau.worker.renderers.causes import first_and_last_words, without_folders
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
 from plateau.worker.supervisor.child_start import ChildLimits, start_child
-from plateau.worker.supervisor.child_watch import ChildWatch
+from plateau.worker.supervisor.child_watch import STILL_S, ChildWatch
 from plateau.worker.supervisor.scene_cache import loading_threads
 
 _LOG = logging.getLogger(__name__)
@@ -88,6 +88,7 @@ class RenderChild:
         # A file without a name: nothing of it remains, whichever process dies.
         self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
         self._child = start_child(self._films.fileno(), variant, llvm_library, limits, home, scenes)
+        self._child.link.settimeout(STILL_S)
         self._watch = ChildWatch(self.pid, on_gpu=variant_named(variant).on_gpu)
         self._readable = selectors.DefaultSelector()
         self._readable.register(self._child.link, selectors.EVENT_READ)
@@ -203,7 +204,8 @@ class RenderChild:
         with self._lock:
             if self._cancelled_at is None:
                 self._cancelled_at = time.monotonic()
-                self._send(contract.Cancel(id=self._request_id))
+                with contextlib.suppress(OSError):  # it is dead or stuck, which the next read sees
+                    self._send(contract.Cancel(id=self._request_id))
 
     @property
     def alive(self) -> bool:
@@ -224,11 +226,16 @@ class RenderChild:
         with self._lock:
             self._cancelled_at = None
             self._request_id += 1
-            self._send(replace(request, id=self._request_id))
+            try:
+                self._send(replace(request, id=self._request_id))
+            except TimeoutError as error:  # a request of many zones is longer than a socket holds
+                self.kill()
+                raise ChildDied(f"the render process read no request for {STILL_S:g} s") from error
+            except OSError:
+                pass  # it is dead, and the next read says how it ended
 
     def _send(self, request: Request) -> None:
-        with contextlib.suppress(OSError):  # it is dead, and the next read says how it ended
-            self._child.link.sendall(contract.request_line(request).encode())
+        self._child.link.sendall(contract.request_line(request).encode())
 
     def _expect(self, timeout_s: float, doing: str, kind: type[_A]) -> _A:
         """Return the next answer, which has to be of this kind."""

@@ -216,6 +216,19 @@ def test_one_that_is_stopped_is_ended(child: RenderChild, monkeypatch: pytest.Mo
     assert child.trouble is None
 
 
+def test_one_that_reads_no_request_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "STILL_S", 1.0)
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
+    child.load(BOX, "scene.xml", SMALL, 0)
+    os.kill(child.pid, signal.SIGSTOP)
+    # When a request is longer than what waits in a socket
+    with pytest.raises(ChildDied, match="read no request for 1 s"):
+        child.render((Pass(1, 0),) * 100_000)
+    assert not psutil.pid_exists(child.pid)
+
+
 def test_a_slow_scene_is_left_alone(lasting: RenderChild, monkeypatch: pytest.MonkeyPatch) -> None:
     lasting.load(BOX, "scene.xml", {"width": "96", "height": "96"}, 0)
     lasting.render((Pass(1, 0),))
