@@ -21,6 +21,18 @@ def test_pixels_are_crisp(shown: Page, finished: Finished) -> None:
     assert {tuple(colour) for colour in inside} <= colours
 
 
+def test_what_may_be_shown_does_not_come_and_go(shown: Page, finished: Finished) -> None:
+    shown.add_init_script(
+        """window.changes = 0;
+        new MutationObserver((all) => {
+          changes += all.filter(({ target }) => target.matches(".modes button")).length;
+        }).observe(document, { subtree: true, attributeFilter: ["hidden"] });"""
+    )
+    shown.goto(f"/jobs/{finished.job.id}")
+    expect(shown.locator(".frame .layer").first).to_be_visible()
+    assert shown.evaluate("changes") == 0
+
+
 def test_two_jobs_are_compared_and_flipped(
     shown: Page, finished: Finished, looker: Visitor
 ) -> None:

@@ -116,7 +116,7 @@ export class Viewer {
     this.#points = points;
     const [least, most] = [job.spp_min ?? job.spp, job.spp_max ?? job.spp];
     this.#scales.samples.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
-    for (const [mode, { offered }] of Object.entries(MAPS)) this.#modes.get(mode)?.toggleAttribute("hidden", offered && !offered(job));
+    for (const [mode, { offered }] of Object.entries(MAPS)) this.#modes.get(mode)?.toggleAttribute("hidden", Boolean(offered && !offered(job)));
     this.element.toggleAttribute("data-empty", !job.image_spp);
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
