@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 import redis
+from hypothesis import settings
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys
@@ -25,11 +26,17 @@ from plateau.farm.redis.link import connect
 if TYPE_CHECKING:
     from tests.support.processes.forked import ForkServer
 
+# No example has a deadline, and all runs have the same examples.
+settings.load_profile("ci")
+
 pytest.register_assert_rewrite("tests.support", "tests.soak")
 
 # The repository is on sys.path. Its links into the package could be imported by their own names,
 # and a module would be loaded a second time. None makes Python refuse that.
 sys.modules.update(dict.fromkeys(("metric", "scenes", "service", "worker")))
+
+#: For Redis, which a busy disk stops. Plateau's processes ask again sooner, which no test does.
+_ANSWER_S = 120.0
 
 #: Folders whose files take long: one that began last would end minutes after all others.
 _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")
@@ -129,7 +136,7 @@ def _python_writes_nothing_to_redis() -> Iterator[None]:
 def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:
     """One server for all tests of a process. Those of durability start their own, which syncs."""
     server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))
-    client = connect(server.url)
+    client = connect(server.url, _ANSWER_S)
     client.config_set("appendfsync", "no")
     client.close()
     yield server
@@ -138,7 +145,7 @@ def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Embedde
 
 @pytest.fixture
 def redis_url(embedded_redis: EmbeddedRedis) -> str:
-    client = connect(embedded_redis.url)
+    client = connect(embedded_redis.url, _ANSWER_S)
     client.flushall()
     client.close()
     return embedded_redis.url
@@ -146,7 +153,7 @@ def redis_url(embedded_redis: EmbeddedRedis) -> str:
 
 @pytest.fixture
 def client(redis_url: str) -> Iterator[redis.Redis]:
-    client = connect(redis_url)
+    client = connect(redis_url, _ANSWER_S)
     yield client
     client.close()
 

@@ -13,7 +13,7 @@ from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER
 from plateau.worker.supervisor.variants import choose
 
-_SPIN = "import time\nwhile time.process_time() < 0.3: pass"
+_SPIN = "import time\nwhile time.process_time() < 1.5: pass"
 _SPIN_BELOW = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {_SPIN!r}])"
 
 
@@ -26,7 +26,7 @@ def test_a_tree_has_its_turns_and_nothing_beside() -> None:
     for one in ran.values():
         assert len(one.turns) > 3
         # One thread spins, and only in its turns
-        assert 0.3 <= one.cpu_s < one.own_s() + 0.1
+        assert 1.5 <= one.cpu_s < one.own_s() + 0.5
     turns = sorted(turn for one in ran.values() for turn in one.turns)
     assert all(end <= start for (_, end), (start, _) in pairwise(turns))
 

@@ -140,7 +140,7 @@ class S3Server:
             f"Signature={signature}"
         )
         url = f"{self.endpoint}{path}?{query}"
-        httpx.request(method, url, content=body, headers=headers).raise_for_status()
+        httpx.request(method, url, content=body, headers=headers, timeout=60).raise_for_status()
 
 
 class Network(Relay):

@@ -172,7 +172,8 @@ class Slurm:
         family = self._family(node)
         slurmd.send_signal(signal.SIGKILL)
         for one in family:
-            one.kill()
+            with contextlib.suppress(psutil.NoSuchProcess):
+                one.kill()
         slurmd.wait()
         psutil.wait_procs(family, timeout=30)
 

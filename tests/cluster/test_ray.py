@@ -103,7 +103,8 @@ def nodes() -> list[psutil.Process]:
     found = []
     for one in psutil.process_iter():
         with suppress(psutil.Error):
-            if "PLATEAU_FRONT" in one.environ() and "plateau.engines.node" in one.cmdline()[-1]:
+            is_node = "plateau.engines.node" in " ".join(one.cmdline())
+            if is_node and "PLATEAU_FRONT" in one.environ():
                 found += [one, *one.children(recursive=True)]
     return found
 
@@ -154,8 +155,8 @@ def test_when_the_front_goes_the_nodes_end_their_work(
     cluster.have(2)
     command = run("--workers", "2", "--threads", "1", job=ENDLESS_JOB)
     command.wait_for(r"\b200 spp")
-    workers = nodes()
-    assert len(workers) >= 4  # two supervisors, and their render children
+    # Two supervisors, and their render children
+    workers = until(lambda: found if len(found := nodes()) >= 4 else None)
     command.process.send_signal(how)
     assert command.exit_code() == (130 if how is signal.SIGINT else -how)
     _, alive = psutil.wait_procs(workers, timeout=60)

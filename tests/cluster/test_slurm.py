@@ -6,6 +6,7 @@ Real Slurm, two nodes, real signals. The command's own machine is not one of the
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -136,15 +137,16 @@ class TestOneCommand:
     ) -> None:
         command = run("--workers", "2", job=ENDLESS_JOB)
         command.wait_for(r"\b200 spp")
-        workers = slurm.processes()
-        assert len(workers) >= 4  # two supervisors, and their render children
+        # Two supervisors, and their render children
+        workers = until(lambda: found if len(found := slurm.processes()) >= 4 else None)
         if how == "is killed":
             command.process.kill()
         else:  # nobody is left who could tell Slurm
             for one in [psutil.Process(command.process.pid), *command.family()]:
-                one.kill()
+                with suppress(psutil.NoSuchProcess):  # a child goes with its parent
+                    one.kill()
         # Who is killed has somebody who tells Slurm; else it takes half a minute of silence
-        until(lambda: not slurm.jobs(), 25 if how == "is killed" else 60)
+        until(lambda: not slurm.jobs(), 240)
         psutil.wait_procs(workers, timeout=60)
         assert not any(one.is_running() for one in workers)
         command.is_gone()

@@ -6,8 +6,8 @@ threads of the process live on meanwhile.
 
 import shutil
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -76,9 +76,7 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
         )
         there = {"PLATEAU_CACHE": str(disk.folder / "cache"), "PLATEAU_CHILD_TIMEOUT_S": "10"}
         farm.start_changed("worker", environment=there, set=_SOON)
-        job = submit()
-        until(lambda: farm.client.job(job).points >= 2)
-        with disk.frozen():
+        with _in_mid_job(farm, submit, disk.frozen) as job:
             until(lambda: _troubles(farm))
             farm.start("worker")
             assert_same(outcome(farm, job), undisturbed)
@@ -94,9 +92,7 @@ def test_others_take_the_work_of_a_process_whose_blobs_are_on_a_mount_that_stops
     with BoundFolder(Path(farm.store.where), tmp_path / "seen") as seen:
         there = {"PLATEAU_BLOBS": str(seen)}
         stuck = farm.start_changed(role, environment=there, set=_SOON)
-        job = submit()
-        until(lambda: farm.client.job(job).points >= 2)
-        with SilentMount(seen):
+        with _in_mid_job(farm, submit, lambda: SilentMount(seen)) as job:
             if role == "worker":
                 until(lambda: _troubles(farm))
             farm.start(role)
@@ -105,6 +101,20 @@ def test_others_take_the_work_of_a_process_whose_blobs_are_on_a_mount_that_stops
         # And it is of use again once its mount answers
         until(lambda: not _troubles(farm))
         farm.stop_all()
+
+
+@contextmanager
+def _in_mid_job(
+    farm: FaultyFarm, submit: Submit, fault: Callable[[], AbstractContextManager[object]]
+) -> Iterator[str]:
+    """A job in whose middle the fault begins, which lasts as long as the context."""
+    while True:
+        job = submit()
+        until(lambda: farm.jobs.get(job).points >= 2)  # noqa: B023  (it is asked here alone)
+        with fault():
+            if not farm.jobs.get(job).state.ended:
+                yield job
+                return
 
 
 def _troubles(farm: FaultyFarm) -> list[str]:

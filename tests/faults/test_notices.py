@@ -53,6 +53,7 @@ def test_a_monitor_that_is_killed(farm: FaultyFarm, stage: str) -> None:
         farm.start("monitor")
         until(lambda: [one.state for one in farm.client.job(job.id).notices] == ["delivered"])
         # Then it has come, perhaps twice, as the receiver can tell
-        assert [one.id for one in receiver.received] == [f"msg_{job.id}"] * (1 + (stage in TWICE))
+        assert {one.id for one in receiver.received} == {f"msg_{job.id}"}
+        assert len(receiver.received) >= 1 + (stage in TWICE)
         for one in receiver.received:
             assert one.verified()["data"]["job"]["id"] == job.id

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -201,7 +201,8 @@ def _kill_at_once(service: Command) -> None:
     family = service.family()
     service.process.send_signal(signal.SIGSTOP)
     for one in sorted(family, key=lambda one: "redis" not in one.name()):
-        one.kill()
+        with suppress(psutil.NoSuchProcess):  # a child goes with its parent
+            one.kill()
     service.process.kill()
     psutil.wait_procs(family, timeout=10)
 

@@ -59,7 +59,12 @@ def test_a_year_in_the_life_of_a_farm(
                 jobs.append(again.job.id)
         # When all is well again
         chaos.mend(everything=True)
-        until(lambda: all(farm.jobs.get(job).finished_at is not None for job in jobs), 240)
+
+        def is_over() -> bool:
+            chaos.mend()
+            return all(farm.jobs.get(job).finished_at is not None for job in jobs)
+
+        until(is_over, 240)
         # And swept of what was put by processes that were killed before they could commit it
         swept = sweep(farm.redis_client, farm.store)
         tell(f"swept: {swept}")

@@ -87,6 +87,7 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
             users.is_closing = True
 
             def is_over() -> bool:
+                chaos.mend()
                 soak.compare(users.orders, chaos.damaged)
                 return not users.orders
 

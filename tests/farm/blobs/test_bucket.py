@@ -16,6 +16,7 @@ from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import BlobsUnavailable
 from tests.support.faults.odd_s3 import OddS3, error
+from tests.support.until import until
 
 SECRET = "the-secret-of-this-test"
 
@@ -153,7 +154,7 @@ def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.M
         bucket.get("scenes/a")
     with pytest.raises(BlobsUnavailable, match="it does not answer"):
         bucket.put("scenes/a", b"x")
-    assert time.monotonic() - started < 10
+    assert time.monotonic() - started < 120
     server.silent.clear()
     bucket.put("scenes/a", b"x")
     assert bucket.get("scenes/a") == b"x"
@@ -162,28 +163,23 @@ def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.M
 def test_while_a_store_is_silent_only_one_waits_for_it(
     server: OddS3, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    silence = timedelta(seconds=2.0)
+    silence = timedelta(seconds=6.0)
     monkeypatch.setitem(TIMES, "read_timeout", silence)
     monkeypatch.setitem(RETRIES, "retry_timeout", silence)
     bucket = Blobs("s3://bucket/plateau")
     bucket.make_mark("ours")
     server.silent.set()
-
-    def time_of_an_answer() -> float:
-        started = time.monotonic()
-        with pytest.raises(BlobsUnavailable):
-            bucket.size("scenes/a")
-        return time.monotonic() - started
-
-    # Given many who asked before anybody knew
+    # Given one who has waited in vain
+    with pytest.raises(BlobsUnavailable):
+        bucket.size("scenes/a")
+    # When many ask, then one waits, and finds out for all
     with ThreadPoolExecutor(8) as pool:
-        assert all(one > 1 for one in pool.map(lambda _: time_of_an_answer(), range(8)))
-        # When they ask again, then one waits, and finds out for all
-        times = sorted(pool.map(lambda _: time_of_an_answer(), range(8)))
-        assert times[-1] > 1
-        assert times[-2] < 1
-    server.silent.clear()
-    assert bucket.size("scenes/a") is None
+        asking = [pool.submit(bucket.size, "scenes/a") for _ in range(8)]
+        until(lambda: sum(one.done() for one in asking) == 7)
+        server.silent.clear()
+    (failed,) = {type(one.exception()) for one in asking if one.exception() is not None}
+    assert failed is BlobsUnavailable
+    assert [one.result() for one in asking if one.exception() is None] == [None]
     assert bucket.size(MARK) == 4
 
 

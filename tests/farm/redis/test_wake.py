@@ -24,22 +24,22 @@ def test_a_message_ends_the_wait(client: redis.Redis) -> None:
     started = time.monotonic()
     heard: set[str] = set()
     while "two" not in heard:  # Redis may send them apart
-        heard |= wake.wait(30.0, never)
+        heard |= wake.wait(600.0, never)
     assert heard == {"one", "two"}
-    assert time.monotonic() - started < 10
+    assert time.monotonic() - started < 300
     wake.close()
 
 
 def test_so_does_the_order_to_stop(client: redis.Redis) -> None:
     wake, stop = Wake(client, CHANNEL), Stop()
-    threading.Timer(0.3, stop.set).start()
     started = time.monotonic()
-    assert wake.wait(30.0, stop) == set()
-    assert 0.2 < time.monotonic() - started < 10
+    threading.Timer(0.3, stop.set).start()
+    assert wake.wait(600.0, stop) == set()
+    assert 0.2 < time.monotonic() - started < 300
     # Who asks after that gets what there is, at once
     client.publish(CHANNEL, "late")
-    assert wake.wait(30.0, stop) <= {"late"}
-    assert time.monotonic() - started < 10
+    assert wake.wait(600.0, stop) <= {"late"}
+    assert time.monotonic() - started < 300
     wake.close()
 
 

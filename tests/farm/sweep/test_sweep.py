@@ -421,6 +421,7 @@ class TestScenes:
     def test_one_that_is_submitted_while_it_goes_is_put_again(
         self, client: redis.Redis, jobs: Jobs, store: Blobs, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        monkeypatch.setattr("plateau.farm.ledger.scene_index._SCENE_GOES_S", 600.0)
         # Given a sweep that has decided, and has not removed the blob yet
         self.keep(client, store, SCENE, days_ago=8)
         found: list[bool] = []
@@ -463,8 +464,9 @@ class TestScenes:
         assert store.exists(blobs.scene(SCENE))
 
     def test_submitting_and_sweeping_at_once_never_loses_one(
-        self, client: redis.Redis, jobs: Jobs, store: Blobs
+        self, client: redis.Redis, jobs: Jobs, store: Blobs, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        monkeypatch.setattr("plateau.farm.ledger.scene_index._SCENE_GOES_S", 600.0)
         # Given scenes that are submitted again and again, while sweeps run that think them old
         over, missing, draw = threading.Event(), list[str](), random.Random(0)
 

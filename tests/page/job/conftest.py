@@ -76,14 +76,14 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
     """They have a Redis of their own, which no test empties."""
     folder = tmp_path_factory.mktemp("finished")
     server = EmbeddedRedis(folder / "redis")
-    client = connect(server.url)
+    client = connect(server.url, 120.0)
     farm = NoiseFarm(client, server.url, folder)
     job = farm.submit("box", **SPEC)
     with farm.monitor():
         farm.render(1)
-        until(lambda: 25 in kept(farm.store, job.id), 60)
+        until(lambda: 25 in kept(farm.store, job.id), 200)
         farm.render(3)  # the newest preview is kept within ten seconds of the one before
-        until(lambda: 100 in kept(farm.store, job.id), 60)
+        until(lambda: 100 in kept(farm.store, job.id), 200)
         job = farm.finish(job)
         other = farm.finish(farm.submit("dawn", **SPEC, seed=7, keep_slices=True))
     with live_api(server.url, farm.store) as url:

@@ -54,7 +54,7 @@ def data(tmp_path: Path) -> Path:
     """A data folder as `plateau up` leaves it, with jobs in it."""
     folder = tmp_path / "data"
     server = EmbeddedRedis(folder / "redis")
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
         fill(client, Blobs(str(folder / "blobs")))
     server.stop()
     return folder
@@ -64,7 +64,7 @@ def kept(data: Path) -> tuple[int, int]:
     """How many jobs the folder has, and how many blobs of jobs."""
     server = EmbeddedRedis(data / "redis")
     try:
-        with connect(server.url) as client:
+        with connect(server.url, 120.0) as client:
             return client.zcard(keys.JOBS), len(Blobs(str(data / "blobs")).names(blobs.JOBS))
     finally:
         server.stop()

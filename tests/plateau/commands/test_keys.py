@@ -158,7 +158,7 @@ class TestTheCommands:
 class TestAClient:
     @pytest.fixture
     def key(self, redis_url: str) -> str:
-        return ApiKeys(connect(redis_url)).create("me", Role.VIEWER, KeyLimits())[1]
+        return ApiKeys(connect(redis_url, 120.0)).create("me", Role.VIEWER, KeyLimits())[1]
 
     def test_shows_its_key(self, api: str, key: str) -> None:
         with Client(api) as nobody, pytest.raises(ApiError, match="PLATEAU_KEY") as refused:

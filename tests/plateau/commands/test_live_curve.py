@@ -12,6 +12,7 @@ import redis
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.terminal import Terminal
 
+NAMES = ("changed", "noise left", "target")
 DOTS = re.compile("[\u2801-\u28ff]")
 COLOUR = re.compile(rb"\x1b\[[0-9;]*3[0-7]m")
 
@@ -69,7 +70,7 @@ def test_it_grows_with_each_point_and_stays_when_the_job_has_ended(
     terminal = watch()
     lines = terminal.until(has_curve)
     assert 150 < ticks(lines)[-1] <= 200
-    assert {named(lines, name) for name in ("changed", "noise left", "target")} == {1}
+    assert {named(lines, name) for name in NAMES} == {1}
     # A new point is drawn
     job.commit(40)
     job.point(1200, 400)
@@ -92,13 +93,14 @@ def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch) -> None:
         terminal.resize(columns, 30)
 
         def fits(lines: list[str], before: int = before) -> bool:
-            return has_curve(lines) and width(lines) != before
+            fresh = has_curve(lines) and width(lines) != before
+            return fresh and all(named(lines, name) for name in NAMES)
 
         lines = terminal.until(fits)
         before = width(lines)
         # Once, and nothing is left of what was drawn before
         assert sum("at most 2,000 spp" in line for line in lines) == 1
-        assert {named(lines, name) for name in ("changed", "noise left", "target")} == {1}
+        assert {named(lines, name) for name in NAMES} == {1}
     # And without colours, where they are not wanted
     assert not COLOUR.search(terminal.written)
 

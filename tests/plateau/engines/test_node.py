@@ -44,7 +44,7 @@ def server(tmp_path: Path) -> Iterator[EmbeddedRedis]:
 def front(server: EmbeddedRedis, tmp_path: Path) -> Iterator[Front]:
     """A front with nothing to do, which has an address that answers and one that does not."""
     blobs = Blobs(str(tmp_path / "blobs"))
-    with connect(server.url) as client, serving(blobs, "ours") as port:
+    with connect(server.url, 120.0) as client, serving(blobs, "ours") as port:
         check_schema(client)
         check_pair(client, blobs)
         yield replace(Front.here(server.port, port, "ours"), hosts=("nowhere.invalid", "127.0.0.1"))
@@ -76,7 +76,7 @@ def test_it_works_for_the_front_until_that_is_silent(
     front: Front, server: EmbeddedRedis, start: Start
 ) -> None:
     node = start(front)
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
         (worker,) = until(lambda: Workers(client).living())
         assert worker.pid == node.pid
         # A Redis that is away for a moment is no front that has gone

@@ -132,7 +132,7 @@ def test_a_process_that_dies_is_started_again(service: Command, name: str) -> No
     service.member(name).kill()
     service.wait_for(f"{name} was ended by SIGKILL; starting it again")
     until(lambda: len(service.family()) == FAMILY, 60)
-    with Client(url) as client:  # the API has its port again
+    with Client(url, patience_s=120) as client:  # the API has its port again
         assert list(client.all_jobs()) == []
 
 

@@ -50,7 +50,7 @@ class TestStrangers:
 def test_a_stream_of_events_survives_a_restart_of_redis(tmp_path: Path) -> None:
     # Given a service and someone who watches a job
     before = EmbeddedRedis(tmp_path / "redis")
-    job = StagedJob(connect(before.url))
+    job = StagedJob(connect(before.url, 120.0))
     heard: list[str] = []
     with live_api(before.url, Blobs(str(tmp_path / "blobs"))) as api:
 

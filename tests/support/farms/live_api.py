@@ -41,7 +41,7 @@ def live_api(
     listener = listen("127.0.0.1", port)
     hub = EventHub(redis_url)
     app = create_app(
-        client=connect(redis_url),
+        client=connect(redis_url, 120.0),
         blobs=store,
         hub=hub,
         checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD, plugins=known_plugins())),

@@ -83,12 +83,12 @@ class RealFarm(Farm):
             **settings,
         }
         self.store = Blobs(str(blobs or folder / "blobs"))
-        self.redis_client = connect(self.redis.url)
+        self.redis_client = connect(self.redis.url, 120.0)  # no test asks a second time
         self.jobs = Jobs(self.redis_client)
         self.processes: list[subprocess.Popen[bytes]] = []
         self.staff: list[subprocess.Popen[bytes]] = []  #: of them, those that tests share
         _, self.url = self.start_api()
-        self.client = Client(self.url)
+        self.client = Client(self.url, patience_s=120.0)
 
     def __enter__(self) -> "RealFarm":
         return self

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import psutil
@@ -123,7 +123,8 @@ class Command:
     def end(self) -> None:
         """End all of it by force."""
         for one in self.family():
-            one.kill()
+            with suppress(psutil.NoSuchProcess):  # a child goes with its parent
+                one.kill()
         self.process.kill()
         self.process.wait()
 

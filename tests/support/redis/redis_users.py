@@ -11,7 +11,7 @@ from plateau.farm.redis.acl import acl_file, rules
 from plateau.farm.redis.link import connect
 
 PASSWORD = "a password of a test"
-LEASE_S = 1.0
+LEASE_S = 60.0
 
 #: Opens a connection as one of the users: ``worker``, ``monitor``, ``api``, ``admin``.
 Login = Callable[[str], redis.Redis]
@@ -29,7 +29,7 @@ def users(root: redis.Redis, url: str) -> Iterator[Login]:
 
     def open_as(role: str) -> redis.Redis:
         path = url.removeprefix("unix://")
-        opened.append(connect(f"unix://plateau-{role}:{PASSWORD}@{path}"))
+        opened.append(connect(f"unix://plateau-{role}:{PASSWORD}@{path}", 120.0))
         return opened[-1]
 
     yield open_as

@@ -1,8 +1,10 @@
 """The render child renders, can be cancelled, and dies without taking anyone along."""
 
+import contextlib
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
@@ -63,7 +65,7 @@ def test_it_sums_the_passes_of_a_slice(lasting: RenderChild) -> None:
 
 
 def test_it_shows_the_first_pass_where_the_others_take_a_while(lasting: RenderChild) -> None:
-    lasting.load(BOX, "scene.xml", {"width": "64", "height": "48"}, 0)
+    lasting.load(BOX, "scene.xml", {"width": "128", "height": "96"}, 0)
     seen: list[tuple[Film, int]] = []
     passes = (Pass(1, 7), Pass(64, 8), Pass(64, 9))
     film, _ = lasting.render(passes, lambda film, spp: seen.append((film, spp)))
@@ -187,7 +189,15 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
 ) -> None:
     monkeypatch.setattr(child_process, "CANCEL_GRACE_S", 0.5)
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
-    with beside(child.cancel, 0.3), pytest.raises(Cancelled):
+    process = psutil.Process(child.pid)
+    loaded_s = process.cpu_times().user
+
+    def cancel() -> None:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if process.cpu_times().user > loaded_s + 0.3:  # it is in its pass
+                child.cancel()
+
+    with beside(cancel, 0.1), pytest.raises(Cancelled):
         child.render(LONG)
     assert not child.alive
 
@@ -232,13 +242,27 @@ def test_one_that_reads_no_request_is_ended(
 def test_a_slow_scene_is_left_alone(lasting: RenderChild, monkeypatch: pytest.MonkeyPatch) -> None:
     lasting.load(BOX, "scene.xml", {"width": "96", "height": "96"}, 0)
     lasting.render((Pass(1, 0),))
-    # Given a child that would be stuck, or late, after a moment
-    for limit in ("STILL_S", "_LEAST_S"):
-        monkeypatch.setattr(child_watch, limit, 1.0)
-    # Then passes that take far longer, for they have more samples, are no sign of anything
-    film, render_s = lasting.render((Pass(128, 1),))
-    assert render_s > 1.0
-    np.testing.assert_array_equal(film[..., 3], 128)
+    # Given a child that would be late after a moment
+    monkeypatch.setattr(child_watch, "_LEAST_S", 0.1)
+    monkeypatch.setattr(child_watch, "_OFF_PACE", 1.0)
+    # Then a pass that takes far longer, for it has more samples, is no sign of anything
+    film, render_s = lasting.render((Pass(64, 1),))
+    assert render_s > 0.1
+    np.testing.assert_array_equal(film[..., 3], 64)
+
+
+def test_one_that_works_is_not_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 1000.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    watch = child_watch.ChildWatch(os.getpid(), on_gpu=False)
+    watch.asked()
+    # Though it answers nothing for longer than one may be still
+    for _ in range(3):
+        spun_until = time.process_time() + 0.05
+        while time.process_time() < spun_until:
+            pass
+        assert watch.stuck() is None
+        now += 2 * child_watch.STILL_S
 
 
 def test_one_that_falls_off_its_pace_is_ended(

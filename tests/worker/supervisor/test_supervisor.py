@@ -22,6 +22,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
+from plateau.worker.supervisor.health import Health
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import Probe, VariantChoice
@@ -56,8 +57,8 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     job, _ = bench.job(slices=3, seed=2)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
-        until(lambda: Workers(bench.client).living()[0].slices_done == 3)
-        assert Workers(bench.client).living()[0].id == worker.id
+        until(lambda: [one.slices_done for one in Workers(bench.client).living()] == [3])
+        assert [one.id for one in Workers(bench.client).living()] == [worker.id]
     # The ledger has each slice, its seeds as the schedule has them, and who did it
     schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
     for index, record in bench.jobs.ledger(job.id).items():
@@ -145,10 +146,14 @@ def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench)
 def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (5.0, 5.0))  # some heartbeats
+    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (0.5, 0.5))
     alive = tmp_path / "alive"
     bench.settings = bench.settings.model_copy(update={"alive_file": alive})
     why = "nothing renders here: scalar_rgb was ended by SIGILL"
+    healed, trouble = threading.Event(), Health.trouble
+    monkeypatch.setattr(
+        Health, "trouble", lambda *asked: trouble(*asked) if healed.is_set() else why
+    )
     tried = Probe("scalar_rgb", None, ok=False, detail="was ended by SIGILL")
     nothing = VariantChoice("scalar_rgb", None, why, (tried,))
     job, _ = bench.job(slices=1)
@@ -158,6 +163,7 @@ def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
         until(lambda: alive.exists() and alive.read_text() == why)
         assert bench.jobs.log(job.id) == []
         # And renders as soon as it can
+        healed.set()
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         until(lambda: alive.read_text() == "")
 
@@ -205,7 +211,7 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(
         (tmp_path / "scene").replace(scene)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         # What troubled it is over with the next slice that it renders
-        until(lambda: Workers(bench.client).living()[0].last_error is None)
+        until(lambda: [one.last_error for one in Workers(bench.client).living()] == [None])
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 

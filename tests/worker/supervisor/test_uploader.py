@@ -2,11 +2,13 @@
 
 import threading
 import time
+from datetime import timedelta
 
 import numpy as np
 import pytest
 import redis
 
+from plateau.farm.blobs.bucket import TIMES
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.jobs import Jobs
@@ -80,6 +82,7 @@ def test_a_silent_store_holds_up_no_worker_that_stops(
 ) -> None:
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anna")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setitem(TIMES, "read_timeout", timedelta(minutes=10))
     with OddS3() as server:
         monkeypatch.setenv("AWS_ENDPOINT_URL_S3", server.endpoint)
         job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
@@ -93,7 +96,7 @@ def test_a_silent_store_holds_up_no_worker_that_stops(
         started = time.monotonic()
         uploader.close(0.5)
         # Then it does not wait until the store is given up, and others can have the slices
-        assert time.monotonic() - started < 15
+        assert time.monotonic() - started < 300
         other = SliceQueue(client, "worker-2", lease_s=60)
         assert sorted(lease_scalar(other).index for _ in range(3)) == [0, 1, 2]
         # And should one of them arrive after all, it counts once

@@ -68,6 +68,7 @@ class TestTheProcess:
             since = {one.pid: one.cpu_times().user for one in family(pid)[1:]}
             client.sendall(head.encode() + body)
             [checking] = until(lambda: busy(pid, since))
+            checking.suspend()  # so that it is not done before the client has gone
         # When the client goes, then so does the process, which else would serve the next
         until(lambda: not checking.is_running())
         # And no job was made, and the next upload is checked

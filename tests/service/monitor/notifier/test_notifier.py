@@ -144,7 +144,10 @@ def test_a_silent_receiver_holds_up_no_other(farm: Farm) -> None:
         silent.wait_for(20)
 
 
-def test_one_that_stops_waits_a_moment_for_what_is_under_way(farm: Farm) -> None:
+def test_one_that_stops_waits_a_moment_for_what_is_under_way(
+    farm: Farm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plateau.service.monitor.notifier.notifier._GOODBYE_S", 120.0)
     stops = threading.Event()
 
     def answer(*_: object) -> tuple[int, dict[str, str]]:
@@ -155,14 +158,14 @@ def test_one_that_stops_waits_a_moment_for_what_is_under_way(farm: Farm) -> None
         with farm.notifying() as notifier:
             job = farm.job(receiver)
             receiver.wait_for(1)
+            threading.Timer(0.5, stops.set).start()
             notifier.stop()
-            stops.set()
         assert farm.notice(job).state == "delivered"
 
 
 def test_a_notifier_outlives_redis(tmp_path: Path) -> None:
     first = EmbeddedRedis(tmp_path)
-    with receiving() as receiver, connect(first.url) as client:
+    with receiving() as receiver, connect(first.url, 120.0) as client:
         farm = Farm(client, first.url)
         with farm.notifying():
             farm.job(receiver)
