@@ -304,9 +304,9 @@ class TestOnePassAfterTheOther:
                 mitsuba.call(mitsuba_process.films_until_cancelled, [(1, 0), (1, 1)], 2)
             return mitsuba.call(mitsuba_process.resident_bytes)
 
-        before = render(50)
-        # Were their films kept, it would be 10 MB in the short form
-        assert render(2000 if long_tests.WANTED else 100) < before + 3_000_000
+        before = render(25)
+        # Were their films kept, it would be 5 MB in the short form
+        assert render(2000 if long_tests.WANTED else 50) < before + 3_000_000
 
 
 class TestRawFilm:
