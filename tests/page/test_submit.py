@@ -197,6 +197,9 @@ def test_it_works_by_keyboard_alone(form: Page, scene: Path) -> None:
     chooser.value.set_files(scene)
     button = form.get_by_role("button", name="Render it")
     expect(button).to_be_visible()
+    # The way past the head leads to the form as it is
+    form.get_by_role("link", name="Skip to the content").press("Enter")
+    expect(form.locator("#main")).to_be_focused()
     for _ in range(50):
         form.keyboard.press("Tab")
         if button.evaluate("button => button === document.activeElement"):
@@ -270,6 +273,7 @@ class TestWhatIsRefused:
         form.get_by_label("width", exact=True).fill("80")
         form.get_by_label("width", exact=True).blur()
         expect(form.locator(".found")).to_contain_text("80 × 256 pixels")
+        expect(form.get_by_label("height", exact=True)).to_be_visible()
 
     def test_mistakes_in_a_first_scene_say_what_to_do(self, form: Page, tmp_path: Path) -> None:
         path = tmp_path / "scene.zip"

@@ -73,7 +73,8 @@ function go(path) {
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest("a") : null;
   if (!link?.href || event.defaultPrevented || event.button || event.metaKey || event.ctrlKey || event.shiftKey) return;
-  const there = new URL(link.href, location.href);
+  const there = new URL(link.getAttribute("href") ?? "", location.href);
+  if (there.hash === "#main") { event.preventDefault(); main.focus(); return; }
   const ours = SCREENS.some(([path]) => path.test(there.pathname));
   if (there.origin !== location.origin || !ours || there.hash || link.hasAttribute("download")) return;
   event.preventDefault();

@@ -57,6 +57,7 @@ async function ask(job, go) {
         job_id: job.id, reference_job_id: reference.value || null, method: method.value,
         levels: wanted.length ? wanted : null, name: name.value,
       });
+      if (!dialog.open) return;
       dialog.close();
       go(study.links.page);
     } catch (error) {

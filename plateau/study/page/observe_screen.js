@@ -89,7 +89,7 @@ export async function open(main, { id, signal }) {
     addEventListener("resize", look, { signal });
     look();
     start.addEventListener("click", async () => {
-      start.disabled = true;
+      start.hidden = true;
       try {
         await runTrials(study, observer, signal);
       } catch (error) {

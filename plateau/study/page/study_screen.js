@@ -93,7 +93,7 @@ export function open(main, { id, signal, go }) {
       job_id: study.job_id, reference_job_id: study.reference_job_id, name: study.name,
       method: "constant", levels: study.result.suggested_levels,
     });
-    go(next.links.page);
+    if (!signal.aborted) go(next.links.page);
   }
 }
 

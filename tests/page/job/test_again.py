@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
@@ -22,13 +23,13 @@ from tests.support.until import until
 PARAMETERS = {"width": "64", "height": "48"}
 
 
-def posted(url: str, **spec: object) -> dict[str, Any]:
-    files = {"scene": ("box.xml", SCENE_XML), "spec": ("spec.json", json.dumps(spec))}
+def posted(url: str, scene: str = SCENE_XML, **spec: object) -> dict[str, Any]:
+    files = {"scene": ("box.xml", scene), "spec": ("spec.json", json.dumps(spec))}
     job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
     return job
 
 
-def ended(farm: NoiseFarm, url: str, **spec: object) -> dict[str, Any]:
+def ended(farm: NoiseFarm, url: str, **spec: Any) -> dict[str, Any]:
     """A job that was cancelled before it had begun."""
     job = posted(url, parameters=PARAMETERS, **spec)
     farm.jobs.cancel(job["id"])
@@ -106,13 +107,33 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
     ],
 )
 def test_what_is_not_changed_is_as_it_was(
-    visit: Visit, farm: NoiseFarm, url: str, asked: dict[str, object]
+    visit: Visit, farm: NoiseFarm, url: str, asked: dict[str, Any]
 ) -> None:
     first = ended(farm, url, **asked)
     page = visit(f"/submit?again={first['id']}", expected={404}).page
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     spec = sent(page, farm)
     assert spec == first["spec"]
+
+
+def test_what_is_shown_is_what_is_sent(visit: Visit, farm: NoiseFarm, url: str) -> None:
+    # Given a scene that has no default for one of its parameters, and a job that others heard of
+    scene = SCENE_XML.replace('  <default name="width" value="256"/>\n', "")
+    watch = [{"name": "reverse"}]
+    first = ended(farm, url, scene=scene, notice={"targets": ["lead"]}, watch=watch)
+    page = visit(f"/submit?again={first['id']}", expected={404}).page
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    for name, value in PARAMETERS.items():
+        expect(page.get_by_label(name, exact=True)).to_have_value(value)
+    page.get_by_label("Rules to watch").fill("visible")
+    spec = sent(page, farm)
+    assert (spec["parameters"], spec["notice"]["targets"]) == (PARAMETERS, ["lead"])
+    assert [one["name"] for one in spec["watch"]] == ["visible"]
+    # As its help says, none is the default
+    page.goto(f"/submit?again={first['id']}")
+    expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
+    page.get_by_label("Rules to watch").fill("")
+    assert sent(page, farm)["watch"] == JobSpec().model_dump(mode="json")["watch"]
 
 
 def test_kept_slices_are_judged_again_under_another_view(

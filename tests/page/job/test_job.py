@@ -66,6 +66,10 @@ def test_the_image_is_the_one_that_was_judged_at_any_exposure_and_size(
     until(lambda: frame.evaluate("one => one.scrollLeft") < middle[0])
     shown.keyboard.press("0")
     expect(shown.locator(".zoom")).to_have_text(fitted)
+    # The browser's own keys stay the browser's
+    for key in ("Control+1", "Alt+1"):
+        frame.press(key)
+    expect(shown.locator(".zoom")).to_have_text(fitted)
     frame.press("1")
     expect(shown.locator(".zoom")).to_have_text("100 %")
     for ev in (-1.5, 2.0):

@@ -80,6 +80,10 @@ def test_the_jobs_of_a_batch_are_together(page: Page, farm: NoiseFarm) -> None:
     page.reload()
     batch = page.locator('[data-batch="exposures"]')
     expect(batch).to_contain_text("2 jobs: 2 queued")
+    # Where some may be left out, it says so
+    page.goto("/?state=queued")
+    expect(batch).to_contain_text("2 jobs listed: 2 queued")
+    page.goto("/")
     # What tells them apart is said, and only that
     expect(batch.get_by_role("link", name="lamp, intensity 40", exact=True)).to_be_visible()
     expect(batch.get_by_role("link", name="lamp, intensity 10", exact=True)).to_be_visible()

@@ -38,6 +38,21 @@ def test_many_go_at_once_and_come_back(visit: Visit, farm: NoiseFarm) -> None:
     names(page, "waits", "two", "one")
 
 
+def test_none_goes_that_was_not_asked_about(visit: Visit, farm: NoiseFarm) -> None:
+    farm.jobs.cancel(farm.submit("one").id)
+    waits = farm.submit("waits")
+    page = visit().page
+    for name in ("one", "waits"):
+        page.get_by_role("checkbox", name=f"Select {name}").check()
+    page.get_by_role("button", name="Delete…").click()
+    expect(page.get_by_role("dialog")).to_contain_text("Delete one?")
+    # When another ends before the answer
+    farm.jobs.cancel(waits.id)
+    expect(page.locator(".job", has_text="waits")).to_contain_text("cancelled")
+    page.get_by_role("button", name="Delete the job").click()
+    names(page, "waits")
+
+
 def test_the_screen_of_a_job_steers_deletes_and_restores_it(visit: Visit, farm: NoiseFarm) -> None:
     job = farm.submit("box")
     with farm.monitor():

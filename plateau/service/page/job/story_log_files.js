@@ -1,6 +1,6 @@
 // A job's records: its files, its story, its log and its spec.
 
-import { downloadLink, get } from "../shared/api.js";
+import { downloadLink, get, isAbort } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { clock, several, whole } from "../shared/figures.js";
 import { inWords, isByQuality, zoneSize } from "../shared/job_summary.js";
@@ -95,7 +95,7 @@ export class Records {
     const now = this.#job?.finished_at ?? this.#job?.state ?? "";
     if (!this.#job || !this.#logBox.open || (now === of && (this.#job.finished_at || Date.now() < at + EVERY_MS))) return;
     this.#logged = { of: now, at: Date.now() };
-    this.#fetchLog(this.#job).catch(complain);
+    this.#fetchLog(this.#job).catch((error) => { this.#logged.of = ""; if (!isAbort(error)) complain(error); });
   }
 
   /** @param {Api.JobView} job */

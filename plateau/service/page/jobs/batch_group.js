@@ -16,6 +16,7 @@ export class BatchGroup {
   /** @type {ListedJob[]} */
   #jobs = [];
   #selection;
+  #isPart;
   #counts = h("span", { class: "counts" });
   #pick = h("input", { type: "checkbox", onclick: () => { this.#selection.select(this.#jobs, this.#pick.checked); } });
   #all = h("label", { class: "toggle" }, this.#pick, "Select all");
@@ -28,6 +29,7 @@ export class BatchGroup {
    */
   constructor({ batch, jobs }, context) {
     this.#selection = context.selection;
+    this.#isPart = context.isPart;
     setAttribute(this.#pick, "aria-label", `Select all of the batch ${batch}`);
     this.#shot = h("button", { class: "quiet", onclick: () => showShot(batch, (id) => this.#nameOf(id)) }, "Look at the shot");
     const list = h("ul", { class: "jobs", "aria-label": `Jobs of the batch ${batch}` });
@@ -43,7 +45,7 @@ export class BatchGroup {
     const counts = new Map();
     for (const { state } of jobs) counts.set(state, (counts.get(state) ?? 0) + 1);
     const states = [...counts].map(([state, count]) => `${count} ${inWords(state, count)}`).join(", ");
-    setText(this.#counts, `${several(jobs.length, "job")}: ${states}`);
+    setText(this.#counts, `${several(jobs.length, "job")}${this.#isPart() ? " listed" : ""}: ${states}`);
     const differing = namesOfDiffering(jobs);
     this.#jobs = jobs.map((job) => ({ ...job, told: told(job, differing) }));
     this.#shot.hidden = !jobs.some((job) => job.in_shot);

@@ -12,7 +12,7 @@ const PICTURE_EVERY_MS = 4000;
 
 /** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
  *   a job with the number of its workers, and its differences from the others of its batch */
-/** @typedef {{ signal: AbortSignal, selection: Selection }} RowContext */
+/** @typedef {{ signal: AbortSignal, selection: Selection, isPart: () => boolean }} RowContext  isPart: whether some jobs may be left out */
 
 export class JobRow {
   #signal;

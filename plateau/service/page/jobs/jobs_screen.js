@@ -66,7 +66,7 @@ export function open(main, { signal, go }) {
       h("div", { class: "filters" }, search, states.label, batches.label, shelves.label)),
     list, nothing, more, selection.element);
 
-  const context = { signal, selection };
+  const context = { signal, selection, isPart: () => areMore || [...asked.keys()].some((name) => name !== "batch") };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
@@ -150,6 +150,7 @@ export function open(main, { signal, go }) {
 
   let took = 0;  // a search of a large farm is repeated less often, but one that waited for a key is not
   async function timed() {
+    await metMe;
     const began = performance.now();
     await refresh();
     took = Math.min(performance.now() - began, CALM_MS);
@@ -189,7 +190,7 @@ function summed(jobs, more, workers) {
   const counts = STATES.slice(0, 3)
     .map((state) => [state, jobs.filter((job) => job.state === state).length])
     .filter(([, count]) => count)
-    .map(([state, count]) => `${count} ${state}`);
+    .map(([state, count]) => `${count}${more ? " or more" : ""} ${state}`);
   const ended = jobs.filter((job) => ENDED.has(job.state)).length;
   if (ended) counts.push(`${ended}${more ? " or more" : ""} ended`);
   const alive = workers.length ? several(workers.length, "worker") : "no worker: nothing is rendered";

@@ -181,7 +181,7 @@ export async function follow(path, onEvents, signal) {
       }
     } catch (error) {
       if (signal.aborted) return;
-      if (error instanceof Problem && error.status < 500) throw error;
+      if (error instanceof Problem && error.status < 500 && error.status !== 401) throw error;
     }
     await sleep(RETRY_MS, signal).catch(() => {});
   }

@@ -70,7 +70,9 @@ export class JobControls {
     if (!explanation) return await this.#do(action);
     const jobs = this.#jobs.filter(fits);
     const what = jobs.length === 1 ? "the job" : several(jobs.length, "job");
-    if (await confirmed(`${label} ${named(jobs)}?`, explanation, `${label} ${what}`)) await this.#do(action);
+    if (await confirmed(`${label} ${named(jobs)}?`, explanation, `${label} ${what}`)) {
+      await this.#do({ ...action, fits: (job) => fits(job) && jobs.some(({ id }) => id === job.id) });
+    }
   }
 
   /**

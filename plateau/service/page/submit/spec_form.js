@@ -87,7 +87,7 @@ export class SpecForm {
     this.#kept = { frame_seed };
     this.#watched = watch;
     for (const part of [this.#limits, this.#workers]) part.fill(spec);
-    this.#more.fill({ ...spec, watch: watch.map(({ name }) => name) });
+    this.#more.fill({ ...spec, after: [], watch: watch.map(({ name }) => name) });
     this.#notice.fill({ targets: spec.notice.targets });
     this.#view.fill(view);
     this.#exr.fill(spec.exr);
@@ -115,7 +115,7 @@ export class SpecForm {
     return {
       ...this.#kept, ...this.#limits.values(), ...more, ...this.#workers.values(),
       ...this.#allocation.values(), ...this.#denoise.values(), ...rule,
-      ...(watch || this.#watched ? { watch: watched } : {}),
+      ...(watch ? { watch: watched } : {}),
       view: this.#view.values(), notice: this.#notice.values(), exr: this.#exr.values(),
     };
   }

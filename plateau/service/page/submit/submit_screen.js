@@ -116,7 +116,7 @@ class Submission {
     const { notice, shot } = spec;
     this.#spec.fill(spec);
     this.#given = spec.parameters;
-    this.#again = { job, had: { ...this.#spec.values(), parameters: spec.parameters } };
+    this.#again = { job, had: { ...this.#spec.values(), parameters: spec.parameters, notice: {} } };
     setText(this.#hint, ["A new job renders the same scene, as you ask for it below. It keeps the samples that there are, where your changes allow it; another seed draws others.",
       notice.url ? "The URL of the job's notice is left out: add it, if it is to hear of the new job." : "",
       shot ? "The new job is no frame of the shot." : ""].filter(Boolean).join(" "));
@@ -224,8 +224,9 @@ class Submission {
       ["Cameras", found.sensors > 1 ? String(found.sensors) : ""],
     ];
     this.#summary.replaceChildren(...rows.filter(([, text]) => text).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
-    if (!this.#parameters.length) {
-      for (const [name, value] of Object.entries(found.parameters)) this.#addParameter(name, value);
+    const fresh = Object.keys({ ...this.#given, ...found.parameters }).filter((name) => !this.#parameters.some((one) => one.name === name));
+    if (fresh.length || !this.#parameters.length) {
+      for (const name of fresh) this.#addParameter(name, found.parameters[name] ?? "");
       this.#given = {};
       this.#showParameters("The scene's parameters with their defaults, which your values replace.");
     }
@@ -282,7 +283,7 @@ class Submission {
       const made = await this.#wanted.make((headers) => again
         ? send("POST", again.job.links.again, patchOf(again.had, spec), headers)
         : upload("/v1/jobs", this.#form(spec), { signal: this.#signal, headers }));
-      this.#go("id" in made ? `/jobs/${made.id}` : `/?batch=${encodeURIComponent(made.name)}`);
+      if (!this.#signal.aborted) this.#go("id" in made ? `/jobs/${made.id}` : `/?batch=${encodeURIComponent(made.name)}`);
     } catch (error) {
       if (isAbort(error)) return;
       this.#blame(error);
@@ -322,7 +323,7 @@ function patchOf(had, wanted) {
     const [from, to] = [had[name] ?? null, wanted[name] ?? null];
     const isMerged = isObject(from) && isObject(to) && !("name" in to);
     // A parameter of the scene may be a number, and its field has it as text.
-    if (JSON.stringify(from) === JSON.stringify(to) || (!isObject(to) && String(from) === String(to))) continue;
+    if (JSON.stringify(from) === JSON.stringify(to) || (typeof to === "string" && String(from) === to)) continue;
     patch[name] = isMerged ? patchOf(from, to) : to;
   }
   return patch;

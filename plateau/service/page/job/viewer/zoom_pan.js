@@ -154,6 +154,7 @@ export class Stage {
 
   /** @param {KeyboardEvent} event */
   #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "+" || event.key === "=") this.#zoom(1.5);
     else if (event.key === "-") this.#zoom(1 / 1.5);
     else if (event.key === "0") this.#set(1);
