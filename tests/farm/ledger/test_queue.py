@@ -68,6 +68,25 @@ def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: LedgerFarm) ->
     assert quick.heartbeat({}, (second,)) == (second,)
 
 
+def test_a_worker_that_is_lost_before_any_commit_binds_nobody_to_its_variant(
+    farm: LedgerFarm,
+) -> None:
+    job, _ = farm.job(slices=1)
+    lost, other = farm.worker("lost"), farm.worker("other")
+    held = lease(lost, variants=("cuda_ad_rgb", "llvm_ad_rgb"))
+    assert farm.jobs.get(job.id).variant == held.variant == "cuda_ad_rgb"
+    assert other.lease(VARIANTS, None, in_turn=False) is None
+    farm.runs_out(held)
+    taken = lease(other)
+    assert taken.variant == "llvm_ad_rgb"
+    assert commit(lost, held) == "stale"
+    # One that comes back before another came is no zombie
+    farm.runs_out(taken)
+    assert farm.worker("far", pool="far").lease(VARIANTS, None, in_turn=False) is None
+    assert commit(other, taken) == "committed"
+    assert farm.jobs.get(job.id).variant == "llvm_ad_rgb"
+
+
 def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: LedgerFarm) -> None:
     job, _ = farm.job(slices=1)
     cut_off, other = farm.worker("cut off"), farm.worker("other")

@@ -75,6 +75,10 @@ function Slice.note_lost(id, entry)
   if found then
     redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
     forget_holder(id, found[2][2], entry)
+    -- A worker that has rendered nothing does not bind the others to its variant.
+    local holders = redis.call('XPENDING', job_key(id, 'slices'), GROUP)[4]
+    local done = redis.call('HMGET', job_key(id), 'committed', 'points')
+    if #holders == 1 and done[1] == '0' and done[2] == '0' then redis.call('HDEL', job_key(id), 'variant') end
     changed[id], has_more[id] = true, true
   else  -- pending and yet not in the stream, as Redis 6.2 may leave one
     Slice.drop(id, entry)

@@ -24,6 +24,7 @@ function for_workers.commit(it)
     end
     return 'ended'
   end
+  redis.call('HSETNX', job, 'variant', it.variant)  -- one that seemed lost before anybody had committed
   if redis.call('HGET', job, 'variant') ~= it.variant then
     if not is_repeated() then
       Job.spend(it)
@@ -82,8 +83,8 @@ function for_workers.died(it)
     Slice.poison(it.job, it.index, causes)
     return 'poisoned'
   end
-  if Waiting.is_served_by_another(it.worker, it.job, it.alive_ms) then Waiting.leave_out(it.worker, it.job) end
   Slice.put_back(it.job, it.entry, tries)
+  if Waiting.is_served_by_another(it.worker, it.job, it.alive_ms) then Waiting.leave_out(it.worker, it.job) end
   return 'put back'
 end
 
@@ -101,10 +102,6 @@ function for_workers.hand_back(it)
   Job.spend(it)
   Slice.put_back(id, it.entry, tries - 1)
   Slice.note_try(id, it.index, it.worker, it.what, it.cause, it.machine_ms, it.said)
-  -- A worker that could render nothing does not bind the others to its variant.
-  local holders = redis.call('XPENDING', job_key(id, 'slices'), GROUP)[4]
-  local done = redis.call('HMGET', job_key(id), 'committed', 'points')
-  if #holders == 1 and done[1] == '0' and done[2] == '0' then redis.call('HDEL', job_key(id), 'variant') end
   return 'put back'
 end
 
