@@ -139,7 +139,10 @@ class Fleet:
         self._seen = found
         missing = self._wanted - len(there) - lost
         if missing > 0:
-            self._ask(missing)
+            try:
+                self._ask(missing)
+            except PlateauError as error:
+                self._tell(f"{error}; trying again")
 
     def _of(self, state: TaskState) -> list[Task]:
         return [task for task in self._ended.values() if task.state is state]

@@ -85,6 +85,7 @@ class Member:
     def start_if_due(self) -> None:
         """Restart it if it has died and its pause is over."""
         if self._process is None and time.monotonic() >= self._start_after:
+            self._start_after = time.monotonic() + _LONGEST_BACKOFF_S  # should it be impossible
             self.start()
 
     def ask_to_stop(self) -> None:

@@ -14,8 +14,7 @@ def redis_at_hand(
 ) -> str:
     """URL of the settings' Redis, or of the data folder's, which is started if it does not run.
 
-    `stack` stops that Redis again. With `may_begin` a missing data folder is made; without it,
-    `CommandFailed` is raised.
+    `stack` stops that Redis again. Without `may_begin`, a missing data folder is `CommandFailed`.
     """
     if settings.redis_url:
         return settings.redis_url

@@ -135,7 +135,10 @@ class Tree:
                 if self.most_deaths is not None and member.deaths >= self.most_deaths:
                     raise TreeFailed(f"{cause}; its log:\n{member.last_words()}")
                 self.tell(f"{cause}; starting it again (its log: {member.log})")
-            member.start_if_due()
+            try:
+                member.start_if_due()
+            except OSError as error:  # the machine has no process or no memory left just now
+                self.tell(f"{member.name} cannot be started: {error.strerror}; trying again")
 
     def _start_again(self, server: EmbeddedRedis) -> None:
         """Restart Redis if it has died; the others wait for it and lose nothing."""
@@ -144,7 +147,7 @@ class Tree:
             self.tell(f"Redis {how_ended(server.process.returncode)}; starting it again")
             try:
                 server.start()
-            except StoreUnavailable as error:
+            except (StoreUnavailable, OSError) as error:
                 self.tell(str(error))
             self._redis_start_at = time.monotonic() + self._redis_backoff.delay_s()
         elif time.monotonic() > self._redis_start_at + _REDIS_WELL_S:

@@ -252,6 +252,7 @@ class Monitor:
         while not over.wait(wait_s):
             if hang.is_seen():
                 _LOG.error("%s: another monitor takes the jobs", HANGS)
+                wait_s = every_s
                 continue
             show_life(self._alive_file)
             owned, began = tuple(self._owned.values()), time.monotonic()

@@ -1,6 +1,5 @@
 """The supervisor's side of a render child: starts it, sends requests, and notices its death."""
 
-import contextlib
 import logging
 import os
 import selectors
@@ -201,11 +200,16 @@ class RenderChild:
 
     def cancel(self) -> None:
         """Cancel the current request at the end of its pass; kill the child if that takes long."""
-        with self._lock:
+        if not self._lock.acquire(timeout=_POLL_S):  # it reads no request; heartbeats ask again
+            return
+        try:
             if self._cancelled_at is None:
                 self._cancelled_at = time.monotonic()
-                with contextlib.suppress(OSError):  # it is dead or stuck, which the next read sees
-                    self._send(contract.Cancel(id=self._request_id))
+                self._send(contract.Cancel(id=self._request_id))
+        except OSError:
+            pass  # it is dead or stuck, which the next read sees
+        finally:
+            self._lock.release()
 
     @property
     def alive(self) -> bool:

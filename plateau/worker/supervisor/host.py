@@ -102,6 +102,11 @@ class RenderHost:
         child = self._child
         return None if child is None else child.trouble
 
+    @property
+    def is_loading(self) -> bool:
+        """Whether the child starts, or loads a scene; from any thread."""
+        return self._loaded is None
+
     def cancel(self) -> None:
         """Cancel the child's request; from any thread."""
         child = self._child

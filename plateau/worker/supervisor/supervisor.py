@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
@@ -224,11 +225,16 @@ class Supervisor:
         return trouble is None
 
     def _give_up(self, lease: Lease, trouble: str, tried: Tried) -> None:
-        """Return the slice, and take no work until this worker can render."""
-        self._reports.hand_back(lease, trouble, Tried(0.0, tried.said), unfit=True)
-        self._rendering = None
-        self._about.trouble = trouble
-        self._sit_out(lease.variant)
+        """Return the slice; if this worker's own variant fails, take no work until it works."""
+        own, tried = self._choice.variant, Tried(0.0, tried.said)
+        fit = lease.variant != own and self._health.trouble(own) is None
+        self._reports.hand_back(lease, trouble, tried, unfit=not fit, leaves_out=fit)
+        if fit:
+            self._note(trouble)
+        else:
+            self._rendering = None
+            self._about.trouble = trouble
+            self._sit_out(own)
 
     def _sit_out(self, variant: str) -> None:
         """Take no work until this worker can render again."""
@@ -255,6 +261,12 @@ class Supervisor:
                 continue
             lease = self._rendering
             if lease is not None and any(_concerns(word, lease) for word in heard):
+                self._cancel(lease)
+
+    def _cancel(self, lease: Lease) -> None:
+        """Cancel a lost slice. Its scene is loaded to the end: the job's next one needs it, too."""
+        with suppress(StoreUnavailable):  # the next heartbeat tries again
+            if not self._host.is_loading or self._renewals.ended(lease.job_id):
                 self._host.cancel()
 
     def _keep_alive(self, over: threading.Event) -> None:
@@ -274,7 +286,7 @@ class Supervisor:
                     self._about.told(rendering, trouble, self._kinds.names()), leases
                 )
                 if rendering in lost and rendering is self._rendering:
-                    self._host.cancel()
+                    self._cancel(rendering)
                 backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("no heartbeat: %s", error)

@@ -159,8 +159,7 @@ class Uploader:
         backoff, stored = Backoff(*_RETRY_S), False
         while not self._give_up.is_set():
             try:
-                # Once: if only the answer to the commit was lost, the partial may be merged and
-                # deleted by now.
+                # Once: where only the commit's answer was lost, the partial may be deleted by now.
                 if not stored:
                     self._blobs.put(name, content)
                     stored = True

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -253,7 +254,8 @@ def test_a_slow_scene_is_left_alone(lasting: RenderChild, monkeypatch: pytest.Mo
 
 def test_one_that_works_is_not_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1000.0
-    monkeypatch.setattr(time, "monotonic", lambda: now)
+    # For the watch alone: other threads would wait for hours, or not at all
+    monkeypatch.setattr(child_watch, "time", SimpleNamespace(monotonic=lambda: now))
     watch = child_watch.ChildWatch(os.getpid(), on_gpu=False)
     watch.asked()
     # Though it answers nothing for longer than one may be still

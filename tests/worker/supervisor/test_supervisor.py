@@ -5,6 +5,7 @@ import json
 import shutil
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,14 @@ import redis
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
-from plateau.farm.ledger.queue import Lease, SliceQueue
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
-from plateau.worker.supervisor import supervisor
+from plateau.worker.supervisor import child_process, supervisor
 from plateau.worker.supervisor.health import Health
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
@@ -249,34 +250,80 @@ def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Re
     assert partials(bench, job) == []
 
 
+class Other:
+    """Another worker, which is done with each slice at once."""
+
+    def __init__(self, bench: Bench, size: int) -> None:
+        self._queue = SliceQueue(bench.client, "other", 60)
+        self._size = size
+
+    def renders(self, index: int) -> bool:
+        """Whether it is given this slice, and so commits it."""
+        lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)
+        if lease is None:
+            return False
+        assert lease.index == index
+        record = record_of(lease, blob=f"the other's {index}", worker="other")
+        size = {"width": self._size, "height": self._size}
+        return self._queue.commit(lease, record, **size, notes=()) == "committed"
+
+
 def test_a_worker_that_was_outrun_stops_at_its_next_pass(bench: Bench) -> None:
     # Given a worker with a slice that takes it minutes
     job, _ = bench.job(slices=2, parameters={"size": 512}, slice_spp=2500, step=2500)
-    other = SliceQueue(bench.client, "other", 60)
-    leased: list[Lease] = []
-
-    def is_given(index: int) -> bool:
-        found = other.lease(("scalar_rgb",), None, in_turn=False)
-        leased.extend([found] if found else [])
-        return [lease.index for lease in leased[-1:]] == [index]
-
-    def commit() -> str:
-        record = record_of(leased[-1], blob=f"the other's {leased[-1].index}", worker="other")
-        return other.commit(leased[-1], record, width=512, height=512, notes=())
-
+    other = Other(bench, size=512)
     with bench.worker() as worker:
         until(lambda: worker._rendering is not None)
         slow = worker._rendering
+        until(lambda: not worker._host.is_loading)
         # And another that is done with the next one at once, and then is given the first too
-        assert is_given(1)
-        assert commit() == "committed"
-        until(lambda: is_given(0))
-        assert commit() == "committed"
+        assert other.renders(1)
+        until(lambda: other.renders(0))
         # Then the slow one stops, and what it spent is counted as waste
         until(lambda: worker._rendering is not slow, 60)
         until(lambda: bench.jobs.get(job.id).wasted_s > 0, 60)
     assert [one["worker"] for one in bench.jobs.ledger(job.id).values()] == ["other", "other"]
     assert partials(bench, job) == []
+
+
+def test_a_worker_that_is_outrun_while_it_loads_keeps_its_scene(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "CANCEL_GRACE_S", 0.1)
+    other = Other(bench, size=16)
+    with bench.worker() as worker:
+        # Given a child that starts, and takes its time
+        until(render_children)
+        child = the_child()
+        child.suspend()
+        job, owned = bench.job(slices=2)
+        until(lambda: worker._rendering is not None)
+        # When others have done its slice by then
+        assert other.renders(1)
+        until(lambda: other.renders(0))
+        time.sleep(1.5)  # in which it would be killed
+        child.resume()
+        # Then it renders the next one
+        bench.owners.plan(owned, range(3))
+        until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+        assert the_child() == child
+    assert bench.jobs.ledger(job.id)[2]["worker"] == worker.id
+
+
+def test_a_variant_that_fails_here_costs_its_jobs_and_no_others(bench: Bench) -> None:
+    gone = "/nowhere/libLLVM.so"
+    tried = (*scalar().tried, Probe("llvm_ad_rgb", gone, ok=True, detail=""))
+    choice = VariantChoice("scalar_rgb", gone, "asked for by the test", tried)
+    broken, _ = bench.job(slices=1, variant="llvm_ad_rgb")
+    with bench.worker(choice):
+        until(lambda: bench.jobs.log(broken.id) != [])
+        good, _ = bench.job(slices=1, variant="scalar_rgb")
+        until(lambda: len(bench.jobs.ledger(good.id)) == 1)
+        assert [one.trouble for one in Workers(bench.client).living()] == [None]
+    assert bench.jobs.get(broken.id).state is JobState.RENDERING
+    returned = bench.jobs.log(broken.id)[0]
+    assert returned.what == "handed-back"
+    assert "llvm_ad_rgb renders nothing here" in str(returned.cause)
 
 
 def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
