@@ -53,8 +53,7 @@ class JobCalls(Calls):
         InvalidSpec
             A field of the spec is unknown, or its value is not allowed.
         plateau.farm.bundle.BundleError
-            The scene's files cannot be packed: one is missing, or not allowed; or a value of the
-            dict cannot be written.
+            A file of the scene is missing or not allowed, or a value of the dict can't be written.
         ApiError
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.
         """

@@ -18,8 +18,7 @@ _SHOWN: Final = 5
 def whole_id(given: str, jobs: Iterable[Job]) -> str:
     """The id of the only recent job with this prefix; anything but a prefix is returned unchanged.
 
-    `jobs` are all jobs, newest first; they are read only for a prefix. Raises `BadId` if no job has
-    it, or if several have.
+    `jobs` are all jobs, newest first, read only for a prefix. Raises `BadId` unless one has it.
     """
     if not _PREFIX.fullmatch(given):
         return given

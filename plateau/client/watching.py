@@ -98,8 +98,7 @@ class WatchingCalls(Calls):
         timeout_s
             For how long to wait, in seconds; None for ever.
         on_event
-            Called in this thread with each event from the job's beginning on; an exception of it
-            ends the wait.
+            Called in this thread with each event of the job, from its first; an exception ends it.
 
         Raises
         ------

@@ -46,8 +46,7 @@ class Estimate:
     high_pixels: float
     #: How many pixels are NaN or infinite.
     non_finite: int
-    #: For each pixel the share of the two comparisons in which it is visible: 0, ½ or 1,
-    #: (H, W) float32.
+    #: The share of both comparisons in which a pixel is visible: 0, ½ or 1, (H, W) float32.
     visible: Plane = field(repr=False, compare=False)
     #: Visible pixels at the greatest error that the samples leave possible; None where the error is
     #: noise alone, which halves show.

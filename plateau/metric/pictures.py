@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from plateau.metric.display import Mask, Plane
     from plateau.metric.non_finite import NonFinite
 
-#: Codes and colours of the marks on an image in dim grey: visible, NaN, infinite, and perhaps
-#: visible pixels.
+#: Codes and colours of the marks on an image in dim grey: visible, NaN, infinite, perhaps visible.
 _VISIBLE, _NAN, _INFINITE, _PERHAPS = 255, 254, 253, 252
 _COLOURS = {
     _VISIBLE: (255, 140, 0),

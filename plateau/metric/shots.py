@@ -76,8 +76,7 @@ def shot_quality(
         The noise model of each frame, in order; of a denoised frame the error of its blend, whose
         greatest counts for what the shot surely has. A sequence that makes its items when asked has
         one in memory at a time. The same halves of the slices have to make the noise of all frames,
-        so that it is as alike from frame to frame as the shot's. Pixels that are not finite count
-        as equal.
+        so that it is as alike from frame to frame as the shot's. Non-finite pixels count as equal.
     view
         As the frames are displayed; by default they are as the display shows them.
     heat

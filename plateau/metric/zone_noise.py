@@ -72,8 +72,7 @@ def zone_curves(
     Parameters
     ----------
     metric, model, clean, estimate
-        The predictor, the noise model of the merged image, the percept of its clean image, and the
-        estimate from them.
+        The predictor, the merged image's noise model, its clean percept, and the estimate.
     size
         Side of the zones in pixels. Those at the right and lower edges may be smaller.
 

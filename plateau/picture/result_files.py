@@ -61,8 +61,7 @@ def result_files(
     merge
         The image.
     visible
-        Where it differs visibly from the first image of the curve, (height, width) bool; None
-        before there is one.
+        Where it differs visibly from the curve's first image, (height, width) bool; else None.
     noise
         Where noise is left to see, as `Judge.noise_maps` returns it.
     facts

@@ -94,8 +94,7 @@ def find_series(folder: Path, *, image_spp: int | None, cumulative: bool) -> Ser
     folder
         Its files that end in ``.exr`` are taken, by name; numbers in names count as numbers.
     image_spp
-        Samples per pixel of each image, or between two where they are cumulative; slices of a
-        job know theirs.
+        Samples per pixel of each image, or between two cumulative ones; a job's slices know them.
     cumulative
         Whether each image contains the one before.
 

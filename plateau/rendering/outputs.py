@@ -44,8 +44,7 @@ def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     the image is NaN or infinite anywhere; ``curve.csv`` and ``curve.svg``, where its curve has
     points; ``slices``, where it kept them, for `plateau judge`; ``summary.txt`` and
     ``summary.json``. Slices that are there already are not fetched again. What another job has left
-    there is replaced when all is there; after an error it is as it was. The caller holds the folder
-    (`out_folder`).
+    there is replaced when all is there; after an error it is as it was. See `out_folder`.
 
     Raises
     ------

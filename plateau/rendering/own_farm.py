@@ -218,8 +218,7 @@ def rendered_alone(
     settings
         Those of `checked_settings`.
     interrupts
-        The first one cancels the job, the second one raises `KeyboardInterrupt`; so does the first
-        before there is an image.
+        The first cancels the job; the second, or one before an image, raises `KeyboardInterrupt`.
     workers, threads, on
         As for `own_farm`.
     progress

@@ -35,8 +35,7 @@ class StudyCalls(Calls):
         job_id
             The job whose first slices make the test images.
         reference_job_id
-            Another such job, preferably of the same scene with another seed; None for the job
-            itself.
+            Another such job, best of the same scene with another seed; None for the job itself.
         method
             ``constant`` for the thresholds, ``limits`` to find where they lie.
         levels

@@ -36,8 +36,7 @@ def put_pictures(
     """Merge the slices and put the pictures of a study; returns the SHA-256 of each by its blob.
 
     The job's `slices` make the test images at these `levels`, in rising spp; they equal those of
-    the `reference` if the job is its own. Raises `CannotStudy` if a slice is gone, damaged or of
-    another size.
+    the `reference` if the job is its own. Raises `CannotStudy` for a slice gone, damaged or odd.
     """
     places = {spp: study_level(study_id, spp) for spp in levels}
     same = slices == reference

@@ -27,8 +27,7 @@ class Ray:
     """The workers of one run; `plateau.engines.contract.Engine` explains the methods.
 
     Without ``--num-cpus`` and threads, a worker takes all CPUs of the smallest node that has what
-    it needs: one worker a node, where nodes are equal. Nodes that come later are used by those
-    that still wait.
+    it needs: one worker a node, where nodes are equal. Nodes that come later are used, too.
     """
 
     def __init__(self, options: Sequence[str], crew: Crew) -> None:

@@ -60,8 +60,7 @@ def results(job_id: str) -> str:
     """The prefix of a job's sets of results; `Jobs.results` says which set counts.
 
     A set is a folder with ``image.exr``, ``image.png``, ``thumbnail.png`` and, where there is
-    something to show, ``difference.png``, ``noise.png``, ``quality.png``, ``spp.png`` and
-    ``non-finite.png``.
+    something to show, ``difference``, ``noise``, ``quality``, ``spp`` and ``non-finite.png``.
     """
     return f"{of_job(job_id)}results/"
 

@@ -19,8 +19,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     Candidates are the XML files with the root `<scene>` that no other includes: `scene.xml` at the
     top, or in the one folder at the top; otherwise the file at the shallowest level. A job's
     parameters do not matter, so that one bundle is one scene. Of other formats all files are
-    candidates, since they may refer to each other. A bundle that names files in scene roots names
-    the scene, too.
+    candidates, since they may refer to each other. A bundle of scene roots' files names it.
 
     Raises
     ------

@@ -49,8 +49,7 @@ class SceneFormat:
     entry: str
     #: the first characters of such a file after blanks and a byte order mark, one of these
     begins: tuple[bytes, ...]
-    #: checks the scene in this tree and file, with a job's parameters and sensor, or raises
-    #: `BundleError`
+    #: checks the scene in a tree and file, with parameters and sensor, or raises `BundleError`
     check: Callable[[Tree, Parts, Mapping[str, str], int, BundleLimits], Checked]
     #: how the names of such files end, in lower case, if a zip or a folder with one may be a scene;
     #: such a folder is packed whole

@@ -3,8 +3,7 @@
 Such a bundle is a zip. It holds the scene's XML files, and a list of all other files that these
 name: each with its place, ``ROOT/PATH``, its size and its SHA-256. So the SHA-256 of the bundle
 stands for every byte of the scene. In the XML an absolute path is written ``{ROOT}/PATH``. A worker
-puts links beside the unpacked XML, to the files as it sees them, and writes its own paths for
-these.
+puts links beside the unpacked XML, to the files as it sees them, and writes its own paths.
 """
 
 import json

@@ -203,8 +203,7 @@ class Channels:
         """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
         Sums are divided by W, and some light by the sums of its colour. They are 0 where that is 0,
-        as where no sample has reached the pixel. Ids are not divided, and the pairs of a matte are
-        ranked.
+        as where no sample has reached the pixel. Ids are not divided; a matte's pairs are ranked.
         """
         total, ids = self._ranked(total)
         reached = _reached(total)
@@ -243,8 +242,7 @@ class Channels:
         total : ndarray, shape (height, width, at least `judged`), float64
             The sum.
         background : tuple of float
-            Linear R, G and B behind an image with alpha. Pixels whose alpha is NaN or infinite
-            count as opaque.
+            Linear R, G and B behind an image with alpha. NaN or infinite alpha counts as opaque.
         """
         reached = _reached(total)
         image = np.zeros((*total.shape[:2], 3), np.float32)

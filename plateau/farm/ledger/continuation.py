@@ -10,8 +10,7 @@ never stopped there. An ended job has kept either
   step stay, and a rule that compares with earlier images must have seen them.
 
 If more is to be rendered, the kept samples must be those that a job of the new cap draws: on scalar
-variants the cap decides passes and seeds (see `plateau.farm.model.seeds`). `lost_by` says whether a
-new spec can have them.
+variants the cap decides passes and seeds (see `plateau.farm.model.seeds`). See `lost_by`.
 """
 
 import hashlib

@@ -45,8 +45,7 @@ class Deletions:
     ) -> list[SteeredJob]:
         """Delete each ended job of the batch, or restore those that were deleted from it.
 
-        Repeating it is harmless. Jobs whose owner (an API key's id, or "") `may_touch` refuses are
-        left alone.
+        To repeat it is harmless. Jobs whose owner (an API key's id or "") `may_touch` refuses stay.
 
         Raises
         ------

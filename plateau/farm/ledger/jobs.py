@@ -184,8 +184,7 @@ class Jobs(JobReads):
     def places(self) -> dict[str, int]:
         """The place of each queued job, from 1: by priority, then by age.
 
-        Within a priority, keys and batches share the workers, so that a job may start before older
-        ones of others.
+        Within a priority, keys and batches share the workers, so that older jobs may start later.
         """
         with unavailable_as_farm_error():
             weights = {keys.OPEN: -1e12, keys.in_state(JobState.QUEUED.value): 1}

@@ -109,8 +109,7 @@ class SliceQueue:
     ) -> Lease | None:
         """The next slice for this worker, or None where there is nothing to do.
 
-        `variants` are those that it can render, best first. While `in_turn`, it keeps to the job
-        whose scene it has loaded.
+        `variants` are those it can render, best first; `in_turn` keeps to the job that is loaded.
         """
         offer = Offer(again=True)
         while offer.again:

@@ -105,8 +105,7 @@ class Census:
     ) -> Demand:
         """The demand for workers of this pool that have one of these variants and these tags.
 
-        An omitted argument matches any. A job that any variant suits counts for all: the first
-        lease pins it to one.
+        An omitted argument matches any. A job that any variant suits counts for all.
         """
 
         def suits(needed: str) -> bool:

@@ -27,8 +27,7 @@ class Aov:
     meaning : str
         What a pixel has, with its unit or frame, for the help and the page.
     is_id : bool
-        Whether its values are the numbers of things. Numbers must not be averaged: a pixel has that
-        of its first sample.
+        Whether its values are the numbers of things, not averaged: the first sample counts.
     """
 
     channels: tuple[str, ...]

@@ -46,8 +46,7 @@ class HelperProcess:
         Raises
         ------
         NoAnswer
-            The process failed, took longer than `limit_s`, or was closed. What `write` raises ends
-            the process, too.
+            The process failed, took longer than `limit_s`, or was closed, or `write` raised.
         """
         process = self._begin()
         try:

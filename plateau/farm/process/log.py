@@ -60,8 +60,7 @@ def identify(**fields: str) -> None:
 def concerning(job: str, index: int | None = None) -> Iterator[None]:
     """Give this thread's lines the field `job` and, if given, `slice`, within the context.
 
-    After an exception the fields stay, for the line that logs it, until the next such context or
-    the thread's end.
+    After an exception the fields stay, for the line that logs it, until the next such context.
     """
     around = concerns()
     concern(job, index)

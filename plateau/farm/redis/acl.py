@@ -28,8 +28,7 @@ them are deleted, or the tokens of monitors, nor change whom a notice goes to. T
 its user another password in the file; then ``plateau-admin`` may have Redis read it (`ACL LOAD`)
 and end the connections (`CLIENT KILL USER plateau-worker`).
 
-Redis has users since 6.0 and read-only rights (``%R~``) since 7.0: on 6.2 the right to read a key
-is one to write it.
+Redis has users since 6.0 and read-only rights (``%R~``) since 7.0: on 6.2 readers may write.
 """
 
 import hashlib
@@ -112,8 +111,7 @@ _WORKER_COMMANDS: Final = (
 )
 #: Without those that configure the server, list all its keys, or remove them all.
 _DATA_COMMANDS: Final = ("+@all", "-@admin", "-@dangerous", "+info", "+acl|whoami")
-#: With those that end a script, a client, or the server, since a script that has written cannot be
-#: killed otherwise.
+#: With those that end a script, a client, or the server: a script that has written ends with it.
 _ADMIN_COMMANDS: Final = (
     *_DATA_COMMANDS,
     *("+config|get", "+acl|log", "+acl|load", "+slowlog|get", "+client|list", "+client|kill"),

@@ -48,8 +48,7 @@ def denoiser(guides: Sequence[Image], view: View, gain: float = 1.0) -> tuple[De
     Parameters
     ----------
     guides
-        Albedo and shading normal, (H, W, 3) float32 each and taken as free of noise; or none. NaN
-        counts as 0.
+        Albedo and shading normal, (H, W, 3) float32, taken as free of noise, NaN as 0; or none.
     view
         The display. Its exposure scales the image for the network, which would otherwise look for
         one itself, in another way on another number of threads.

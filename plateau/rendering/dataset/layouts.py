@@ -1,8 +1,7 @@
 """How an image of a data set is stored: the files' names, and what each has.
 
 ``exr``
-    One file a image, with a layer for each of the inputs (``spp0004.R``), the AOVs and the
-    variance.
+    One file an image, with a layer for each input (``spp0004.R``), AOV and the variance.
 ``oidn``
     As Open Image Denoise's training takes it: ``NAME_0004spp.hdr.exr`` for the colour of so many
     samples per pixel, ``.alb.exr`` and ``.nrm.exr`` for albedo and normal. Of the files of a name,

@@ -10,8 +10,7 @@ from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 
-#: The shortest time between two shown images of a running job, and the longest that is due to
-#: what the last one cost.
+#: The shortest time between two shown images of a running job, and the longest, by their cost.
 SHOW_EVERY_S: Final = 2.0
 SHOW_WITHIN_S: Final = 10.0
 #: The share of a monitor's time for the images of one job.

@@ -150,8 +150,7 @@ class Loaded:
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
     look : str
-        The scene's view transform, as `ViewTransform.as_text` has it; "" where the image is seen as
-        it is.
+        The scene's view transform, as `ViewTransform.as_text` has it; "" for none.
     header : mapping of str to str
         What the header of an image is to say: of its Cryptomattes (`plateau.farm.images.mattes`),
         and of the place of a crop in its film (`plateau.farm.images.crops`).

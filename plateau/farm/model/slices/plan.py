@@ -3,8 +3,7 @@
 The slices between two points of the curve are a *round*: they have the same zones and the same spp.
 Where a job allocates its samples by frame, each round is a step. Where it does so by zones, its
 first rounds are steps of whole films, and the image after each round decides the round after the
-next, and how many slices that has. So a worker never waits for a judgement, and the plan depends on
-the merged slices alone.
+next, and how many slices that has. No worker waits for a judgement; merged slices decide the plan.
 """
 
 from __future__ import annotations

@@ -96,8 +96,7 @@ class Notifier:
     lease_s
         Seconds after which an unrecorded try counts as lost.
     delay_s
-        The wait in seconds before the next try, by the number of tries so far and the receiver's
-        ``Retry-After``.
+        The wait in seconds before the next try, by the number of tries and by ``Retry-After``.
     poll_s
         Seconds between two reads of the outbox without a hint.
     """

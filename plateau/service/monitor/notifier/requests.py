@@ -73,8 +73,7 @@ def signed_headers(message_id: str, at: datetime, body: bytes, secret: str) -> d
 class Requests:
     """Sends requests to allowed receivers, with time-outs for connecting and for everything.
 
-    `tls` makes the TLS context at its first use: that takes a tenth of a second, and most farms
-    POST no notice.
+    `tls` makes the TLS context at its first use: it takes 0.1 s, and most farms POST no notice.
     """
 
     def __init__(
