@@ -94,8 +94,7 @@ class JobCalls(Calls):
     def whole_id(self, job_id: str) -> str:
         """The whole id of a job, by its first letters, at least four; a whole one unchanged.
 
-        Every call takes shortened ids. Programs should store whole ones: another job may come whose
-        id begins in the same way.
+        Every call takes shortened ids. Programs should store whole ones: another may begin so.
 
         Raises
         ------

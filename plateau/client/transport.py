@@ -31,7 +31,7 @@ _WRITE_S: Final = 120.0
 _READING_S: Final = 4 * 3600.0  #: how long a service may read the files of a scene
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
-_AWAY: Final = frozenset({httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.TOO_MANY_REQUESTS})
+_AWAY: Final = frozenset({429, 502, 503, 504})
 
 #: The beginning of a path of a job's, and the id.
 _OF_A_JOB: Final = re.compile(r"^(/v1/jobs/)([^/]+)")
@@ -81,7 +81,7 @@ class Transport:
         self.whole_id: Callable[[str], str] = str
         self._on_version = on_version
         self._patience_s = patience_s
-        self._once_heard_s = once_heard_s
+        self.once_heard_s = once_heard_s
         self._is_heard = False
         timeout = httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S), write=_WRITE_S)
         #: for a request that has the service read large files
@@ -91,6 +91,7 @@ class Transport:
             base_url=self.url,
             timeout=timeout,
             trust_env=False,
+            limits=httpx.Limits(max_connections=None),  # a data set has a stream for each job
             headers=_authorization(key),
             verify=_trusted(self.url),
             event_hooks={"response": [self._heard]},
@@ -99,7 +100,7 @@ class Transport:
     @property
     def patience_s(self) -> float:
         """For how long a call is repeated while the service is away."""
-        return max(self._patience_s, self._once_heard_s if self._is_heard else 0.0)
+        return max(self._patience_s, self.once_heard_s if self._is_heard else 0.0)
 
     def close(self) -> None:
         """Close the connections."""

@@ -124,6 +124,7 @@ def _batch(client: "Client", name: str, out: Path | None) -> "BatchView":
             fetch = None if out is None else stack.enter_context(_fetching(client, name, out))
             while True:
                 batch = client.batch(name)
+                written &= set(batch.job_ids)  # others were deleted
                 show(batch)
                 if fetch is not None and batch.finished > len(written):
                     jobs = in_order(client, batch)

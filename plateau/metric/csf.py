@@ -149,8 +149,7 @@ def masking(normalised_contrast: ArrayLike) -> Array:
     Returns
     -------
     Array
-        Threshold elevation: 1 without a pattern, and proportional to its contrast to the power 0.7
-        for strong patterns.
+        Threshold elevation: 1 without a pattern, and as its contrast to the power 0.7 if strong.
 
     References
     ----------

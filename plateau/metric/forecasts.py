@@ -91,8 +91,7 @@ def forecast_from(
     Returns
     -------
     int or None
-        At least `spp`; None if 1000 times as many are not enough, for example because light has
-        not been found yet.
+        At least `spp`; None if 1000 times as many are not enough, as for light not found yet.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.images.exr import Pixels, encode_layers
+from plateau.farm.images.exr import Pixels, encode_layers, input_layer
 from plateau.farm.images.png import encode_png
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
@@ -77,6 +77,8 @@ def result_files(
     exposure_ev = spec.view.exposure_ev
     spp_map = merge.spp_map()
     layers = merge.layers() if blend is None else _blended_layers(merge, blend)
+    exact = ("Z", *merge.channels.exact)
+    of_inputs = (f"{input_layer(spp)}.{one}" for spp in merge.inputs for one in exact)
     layers |= merge.input_layers() | (merge.variance_layers() if spec.variance else {})
     files = {
         "image.exr": encode_layers(
@@ -84,7 +86,7 @@ def result_files(
             {**exr_header(facts), **merge.header},
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
-            whole=("Z", "spp", *merge.channels.exact, *(f"variance.{one}" for one in "RGB")),
+            whole=("spp", *exact, *of_inputs, *(f"variance.{one}" for one in "RGB")),
         )
     }
     if not spec.pictures:

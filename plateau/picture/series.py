@@ -125,6 +125,8 @@ def find_series(folder: Path, *, image_spp: int | None, cumulative: bool) -> Ser
             raise CannotJudge(f"{path}: {error}") from error
         if partial.job_id != first.job_id:
             raise CannotJudge(f"{path} is of job {partial.job_id}, not of {first.job_id}")
+        if partial.zones:
+            raise CannotJudge(f"{path} has parts of the image: judge a job that renders by frame")
         if partial.index != index:
             raise CannotJudge(f"{folder} lacks slice {index}: a series has no gaps")
     return Series(files, first.spp, cumulative=False, partials=True)

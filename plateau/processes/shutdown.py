@@ -16,8 +16,7 @@ _LOG = logging.getLogger("plateau")
 #: Time to stop after the first signal. Supervisors (systemd, Kubernetes, `plateau up`) usually
 #: wait for less, and then kill the process.
 LIMIT_S: Final = 60.0
-#: Signals within this time count as one: a batch system may signal both the process and the script
-#: that passes the signal on.
+#: Signals within this time count as one: a batch system may signal the process and its script.
 _TOGETHER_S: Final = 1.0
 
 

@@ -106,8 +106,9 @@ class MappedJobs:
     def close(self) -> None:
         """Cancel what is under way; nobody waits for it any more."""
         self._pool.shutdown(wait=False, cancel_futures=True)
-        for batch in [name for name, jobs in self._open.items() if jobs]:
-            with suppress(Exception):
+        self._client._transport.once_heard_s = 0.0  # a service that is away is not waited for
+        with suppress(Exception):
+            for batch in [name for name, jobs in self._open.items() if jobs]:
                 self._client.cancel_batch(batch)
 
     def _counted(self, tasks: Iterator[Task]) -> Iterator[Task]:
@@ -187,7 +188,7 @@ class MappedJobs:
         found = Mapped(task=task, result=results[0], noisy=(*results, None)[1])
         if failed is not None:
             return replace(found, failure=failed.reason)
-        if results[0].state is JobState.FAILED:
+        if results[0].state in {JobState.FAILED, JobState.CANCELLED}:
             return replace(found, failure=results[0].reason)
         if found.noisy is not None and _overlap(results[0], found.noisy):
             why = "its variant has too few seeds for inputs that are independent of the image"

@@ -2,7 +2,7 @@
 
 import io
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -52,7 +52,7 @@ def encode_png(
     return stream.getvalue()
 
 
-def encode_film(pictures: Sequence[bytes], fps: float, longest: int) -> bytes:
+def encode_film(pictures: Iterable[bytes], fps: float, longest: int) -> bytes:
     """Return PNG files as one animated PNG, which plays for ever.
 
     Parameters

@@ -1,8 +1,7 @@
 """How a slice is divided into passes, whose films are added up in their order.
 
 A pass is what a renderer renders with one seed. A renderer that renders a pass in parts can be
-cancelled between them, and takes passes of any size. One that renders a pass in a single call needs
-passes that are short.
+cancelled between them, and takes passes of any size. One that does it in one call needs short ones.
 """
 
 #: Samples in the largest pass that is rendered in a single call: about a second of work on two

@@ -25,8 +25,7 @@ class Jod(Rule):
     against the image without its noise. It counts with the least that it is likely to be.
 
     What is lost, 10 - JOD, falls about as fast as the samples grow at most. So the evaluation
-    before says how much is lost at least, and that has to be little enough too: one that is good by
-    chance stops nothing.
+    before says how much is lost at least, and has to be little enough, too: chance stops nothing.
 
     Notes
     -----

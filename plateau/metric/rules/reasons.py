@@ -23,8 +23,7 @@ def darkness(evidence: Evidence) -> str | None:
 def counted(pixels: float) -> str:
     """Return a number of pixels in words: halves below ten, whole numbers above.
 
-    It rounds like `plateau.farm.wire.figures.pixels`, which this package must not import. A test
-    compares the two.
+    It rounds like `plateau.farm.wire.figures.pixels`, which it must not import: see its test.
 
     Examples
     --------

@@ -15,6 +15,7 @@
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from glob import glob
 from itertools import product
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -124,8 +125,10 @@ class Recipe(Strict):
                 yield one
             elif "*" not in one:
                 yield str(self.folder / at_home(one))
-            elif several := sorted(self.folder.glob(one)):
-                yield from map(str, several)
+            elif several := sorted(
+                glob(str(at_home(one)), root_dir=self.folder, recursive=True)  # noqa: PTH207
+            ):
+                yield from (str(self.folder / path) for path in several)
             else:
                 raise CommandFailed(f"there is no scene {one!r} in {self.folder}")
 

@@ -154,6 +154,7 @@ class History:
         offer = commands.Offer(again=True)
         while offer.again:
             self.stop_the_clock()
+            note_what_ran_out(self.client)  # which may free a job of its variant
             late = late_slices(self.client, kind, worker, {job_id for job_id, _ in self.late})
             expected = scan(self.client, kind, worker, self.loaded[worker], in_turn=b % 2 == 1)
             if expected is None:  # then the slice that holds up another job's image

@@ -209,6 +209,7 @@ def test_oidn_finds_its_inputs_and_targets(run: Fill, tmp_path: Path) -> None:
         ("target = 'jod'", "scenes: is missing"),
         ("scenes = 'box.xml'", "scenes: must be a list"),
         ("scenes = ['*.xml']", "there is no scene"),
+        ("scenes = ['/nowhere/*.xml']", "there is no scene"),
         ("scenes = ['a']\nmax_spp = 3", r"max_spp: there is no such field.* under \[spec\]"),
         ("scenes = ['a']\nlayout = 'png'", "layout: must be exr or oidn"),
         ("scenes = ['a']\nspec = {max_sp = 3}", r"max_sp: there is no such field"),

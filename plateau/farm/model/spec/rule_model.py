@@ -15,8 +15,7 @@ class Strict(BaseModel):
     Each number has inclusive bounds: a form, a schema and the metric share them, and a value out of
     bounds is refused before anything is rendered.
 
-    Defaults are given by name (``Field(default=…)``): a user's type checker does not see a default
-    given by position.
+    Defaults are given by name (``Field(default=…)``): type checkers see no others.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -63,6 +63,8 @@ _SILENCE_S: Final = 2.0
 #: The size of a form without its scene: the spec and the boundaries.
 ENVELOPE_BYTES: Final = 2 << 20
 
+#: Where forms are read, into files.
+_FORMS: Final = frozenset({"/v1/jobs", "/v1/scenes"})
 #: The largest body that is no upload; it is read into memory.
 _MOST_OF_A_CHANGE: Final = 2**16
 
@@ -123,7 +125,7 @@ class BodyLimit(Layer):
     def _limit(self, scope: Scope) -> tuple[int, Problem]:
         """The most bytes of the body, and the problem with more."""
         kind = (header(scope["headers"], b"content-type") or "").lower()
-        if scope["method"] != "POST" or not kind.startswith("multipart/form-data"):
+        if scope["path"] not in _FORMS or not kind.startswith("multipart/form-data"):
             return _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
         caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
         most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES

@@ -1,7 +1,10 @@
 """Routes of shots: batches whose frames are judged as a video."""
 
 import hashlib
+import itertools
 import math
+from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, Final
 
 from fastapi import APIRouter, Response
@@ -92,31 +95,25 @@ def get_film_png(name: BatchName, farm: Farm, has: IfNoneMatch) -> Response:
     if has.has(tag):
         return not_modified(headers)
     pictures = _pictures(shown, farm)
-    if not pictures:
+    first = next(pictures, None)
+    if first is None:
         raise Problem(problems.NO_FRAME_YET, batch=name)
-    longest = min(_LONGEST, math.isqrt(_MOST_PIXELS // len(pictures)))
-    film = encode_film(pictures, record.spec.shot.fps, longest)
+    longest = min(_LONGEST, math.isqrt(_MOST_PIXELS // len(shown)))
+    film = encode_film(itertools.chain((first,), pictures), record.spec.shot.fps, longest)
     return Response(film, media_type=PNG, headers=headers)
 
 
-def _pictures(shown: list[str], farm: Parts) -> list[bytes]:
+def _pictures(shown: list[str], farm: Parts) -> Iterator[bytes]:
     """The pictures of these sets of results; the last one again for a set that is not there."""
-    pictures: list[bytes] = []
-    waiting = 0
+    picture, waiting = b"", 0
     for results in shown:
         blob = f"{results}/image.png"
-        try:
-            picture = farm.files.content(blob, farm.jobs.sha256(blob)) if results else None
-        except FileNotFoundError:  # a newer set has just replaced it
-            picture = None
-        if picture is not None:
-            pictures += [picture] * (waiting + 1)
+        waiting += 1
+        with suppress(FileNotFoundError):  # a newer set has just replaced it
+            picture = farm.files.content(blob, farm.jobs.sha256(blob)) if results else picture
+        if picture:
+            yield from itertools.repeat(picture, waiting)
             waiting = 0
-        elif pictures:
-            pictures.append(pictures[-1])
-        else:
-            waiting += 1
-    return pictures
 
 
 def _shot(name: str, farm: Parts) -> ShotRecord:

@@ -232,6 +232,9 @@ def test_changing_the_priority_reads_no_more_of_a_body_than_it_needs(
     headers = {"Content-Type": "application/json"}
     answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
     assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
+    # Nor does what takes no form of one
+    answer = http.post(f"/v1/jobs/{job}/again", files={"scene": body})
+    assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
 
 
 def test_an_unknown_job_is_a_404_everywhere(http: httpx.Client, client: redis.Redis) -> None:
