@@ -149,11 +149,11 @@ export function open(main, { signal, go }) {
   }
 
   let took = 0;  // a search of a large farm is repeated less often, but one that waited for a key is not
+  const metAt = metMe.then(() => performance.now());
   async function timed() {
-    await metMe;
     const began = performance.now();
     await refresh();
-    took = Math.min(performance.now() - began, CALM_MS);
+    took = Math.min(performance.now() - Math.max(began, await metAt), CALM_MS);
   }
   repeat(timed, () => Math.max(jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS, 10 * took), signal);
 }
