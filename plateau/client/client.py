@@ -27,7 +27,7 @@ class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, FarmCalls):
     key
         The API key, if the service requires one.
     patience_s
-        For how long a call may safely be repeated while the service is away; 0 for one attempt.
+        For how long every call is repeated, safely, while the service is away; 0 for one attempt.
     timeout_s
         Longest time for one answer.
     once_heard_s

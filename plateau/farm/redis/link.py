@@ -72,7 +72,7 @@ def link_options(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> dict[str, Any]
 def open_link(url: str, client: Any, sentinel: Any, options: dict[str, Any]) -> Any:
     """A client of the URL's Redis, or of the master that its sentinels name.
 
-    `client` and `sentinel` are redis-py's, for threads or asyncio. The URL's parameters overrule.
+    `client` and `sentinel` are redis-py's, for threads or asyncio. The URL overrules the options.
     """
     sentinels = redis_url.sentinels_of(url)
     if sentinels is None:

@@ -7,7 +7,7 @@ put it again, and the sweep then removes it, the job has no scene. Therefore
    the blob;
 2. a sweep chooses a moment at least an hour ago, reads the scenes of all jobs, and runs
    ``forget_scene`` for each other scene that was last used before that moment: in one step the
-   script checks the use again, forgets the scene and marks it as going. It then removes both.
+   script checks the use again, forgets the scene and marks it. The sweep removes blob and mark.
 
 If the note comes first, the script finds it and keeps the scene. If the script comes first, the API
 finds the mark, waits, and puts the blob again. A job that is created after the sweep has read the
