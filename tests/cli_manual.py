@@ -79,10 +79,7 @@ Every command has `--help`. With `--json`, commands print JSON for scripts. `pla
 """
 
 #: Options that many commands share, and what stands in each command's table in their place.
-_OF_A_SPEC: Final = (
-    *inspect.signature(spec_from_options).parameters,
-    *rule_options.owners(),
-)
+_OF_A_SPEC: Final = (*inspect.signature(spec_from_options).parameters, *rule_options.owners())
 _SHORTEST_LIST: Final = 8  #: of a spec's options, from which on a command refers to their table
 
 

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import redis
@@ -22,9 +21,6 @@ from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-
-if TYPE_CHECKING:
-    from tests.support.processes.forked import ForkServer
 
 # No example has a deadline, and all runs have the same examples.
 settings.load_profile("ci")
@@ -68,6 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)  # which no program inherits
+    from tests.support.processes.forked import end_fork_server
     from tests.support.processes.own_processes import own_processes
 
     if config.getoption("numprocesses", None):
@@ -81,6 +78,7 @@ def pytest_configure(config: pytest.Config) -> None:
             folder = tempfile.TemporaryDirectory(prefix="tests-", ignore_cleanup_errors=True)
             os.environ[name] = stack.enter_context(folder)
     stack.enter_context(own_processes())
+    stack.callback(end_fork_server)
     config.add_cleanup(stack.close)
 
 
@@ -172,19 +170,6 @@ def keys(client: redis.Redis) -> ApiKeys:
 def cache() -> Path:
     """A cache for whoever renders: what was found of this machine, and what Mitsuba compiled."""
     return Path(os.environ["TESTS_CACHE"])
-
-
-@pytest.fixture(scope="session")
-def fork_server() -> Iterator["ForkServer | None"]:
-    """For farms whose starts nobody tests; None, and plain starts, where this is not Linux."""
-    from tests.support.processes.forked import ForkServer
-
-    if sys.platform != "linux":
-        yield None
-        return
-    server = ForkServer()
-    yield server
-    server.stop()
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ def _without_encoding(tree: ast.AST) -> Iterator[ast.Call]:
     for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
         words = {word.arg: word.value for word in call.keywords}
         is_method = isinstance(call.func, ast.Attribute)
-        name = ast.unparse(call.func).rpartition(".")[2]
+        name = getattr(call.func, "attr", getattr(call.func, "id", ""))
         if name in _FILES:
             is_text = len(call.args) <= _FILES[name]
         elif name in _PROCESSES:

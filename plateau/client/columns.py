@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.model.job import CurvePoint
-from plateau.farm.wire.curve_csv import FIGURES
+from plateau.farm.wire.csv_text import FIGURES
 
 _COUNTS: Final = ("spp", "visible_pixels", "non_finite_pixels")
 

@@ -85,7 +85,7 @@ def judge(
 
 
 def _write(judged: "Judged", spec: "JobSpec", table: Path, drawing: Path) -> None:
-    from plateau.farm.wire.curve_csv import curve_csv
+    from plateau.farm.wire.csv_text import curve_csv
     from plateau.farm.wire.curve_svg import STYLE, curve_svg
 
     table.write_text(curve_csv(judged.points), encoding="utf-8")

@@ -112,10 +112,6 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
     from plateau.processes.standing import Standing
     from plateau.service.api import process
 
-    tls = None
-    if door.certificate is not None and door.private_key is not None:
-        tls = process.Tls(door.certificate, door.private_key)
-
     def serve(settings: "Settings", stop: "Stop") -> None:
         standing = Standing(settings, stop)
         if stop.is_set():
@@ -137,7 +133,8 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
                 host=door.host,
                 port=door.port,
                 open_to_all=door.open_to_all,
-                tls=tls,
+                certificate=door.certificate,
+                private_key=door.private_key,
                 ready=ready,
             )
         except process.CannotListen as error:

@@ -32,7 +32,7 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Request(BaseHTTPRequestHandler):
-    """GET, HEAD, PUT and DELETE of one blob, as `plateau.farm.blobs.served` asks for them."""
+    """GET, HEAD, PUT and DELETE of one blob, as `plateau.farm.blobs.bucket` asks for them."""
 
     protocol_version = "HTTP/1.1"
     timeout = _SILENCE_S

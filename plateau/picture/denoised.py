@@ -11,7 +11,8 @@ import numpy as np
 
 from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.aovs import AOVS, GUIDES
-from plateau.metric import Blend, BlendError, Half, NoiseModel, View
+from plateau.metric import Half, NoiseModel, View
+from plateau.metric.blend import Blend, BlendError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

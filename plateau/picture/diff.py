@@ -17,19 +17,10 @@ import numpy as np
 from plateau.errors import needs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.images.png import decode_png, encode_png
-from plateau.metric import (
-    MAP_PALETTE,
-    SAMPLES_PALETTE,
-    Difference,
-    Image,
-    Mask,
-    View,
-    VisibleDifferences,
-    difference_map,
-    encode_srgb,
-    heat_map,
-)
+from plateau.metric import Image, Mask, View, VisibleDifferences, encode_srgb
 from plateau.metric.display import displayed, finite_pixels
+from plateau.metric.pictures import MAP_PALETTE, SAMPLES_PALETTE, difference_map, heat_map
+from plateau.metric.vdp import Difference
 
 if TYPE_CHECKING:
     from plateau.metric.cvvdp.model import Quality

@@ -12,20 +12,13 @@ from numpy.typing import NDArray
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec
-from plateau.metric import (
-    Blend,
-    Estimate,
-    Evidence,
-    Memory,
-    Rule,
-    Verdict,
-    View,
-    create_rule,
-)
+from plateau.metric import Estimate, Evidence, Rule, Verdict, View, create_rule
+from plateau.metric.blend import Blend
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
 from plateau.metric.rows import beside
+from plateau.metric.rules.base import Memory
 from plateau.picture.allotment import Allotment, allotment
 from plateau.picture.denoised import Denoised
 from plateau.picture.merged_image import MergedImage

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Pixels, input_layer
 from plateau.farm.images.view_transform import ViewTransform
-from plateau.metric import Half, Quarters
+from plateau.metric import Half
+from plateau.metric.standard_error import Quarters
 from plateau.picture.canvas import Sampled
 
 BETWEEN: Final = ", "  #: the kinds of workers in `MergedImage.origin`

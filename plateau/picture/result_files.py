@@ -8,18 +8,16 @@ from numpy.typing import NDArray
 from plateau.farm.images.exr import Pixels, encode_layers, input_layer
 from plateau.farm.images.png import encode_png
 from plateau.farm.model.spec import JobSpec
-from plateau.metric import (
+from plateau.metric import Mask, encode_srgb
+from plateau.metric.blend import Blend
+from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
+from plateau.metric.pictures import (
     MAP_PALETTE,
     SAMPLES_PALETTE,
-    Blend,
-    Mask,
-    allowed_non_finite,
     difference_map,
-    encode_srgb,
     heat_map,
     noise_map,
     non_finite_map,
-    non_finite_pixels,
     samples_map,
 )
 from plateau.picture.denoised import layers_of

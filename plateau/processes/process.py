@@ -3,10 +3,14 @@
 import gc
 import logging
 import os
+import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from types import FrameType
+from typing import Final
 
 from plateau.errors import EXPECTED, CommandFailed, ExitCode
 from plateau.farm.blobs.store import Blobs
@@ -20,9 +24,14 @@ from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
 from plateau.processes.ground import check_ground
 from plateau.processes.read_settings import farm_settings
-from plateau.processes.shutdown import StopSignals
 
 _LOG = logging.getLogger("plateau")
+
+#: Time to stop after the first signal. Supervisors (systemd, Kubernetes, `plateau up`) usually
+#: wait for less, and then kill the process.
+LIMIT_S: Final = 60.0
+#: Signals within this time count as one: a batch system may signal the process and its script.
+_TOGETHER_S: Final = 1.0
 
 #: The work of a process, given its settings and the event that tells it to stop.
 Work = Callable[[Settings, Stop], None]
@@ -52,6 +61,37 @@ def run_until_signal(role: str, run: Work) -> None:
     except Exception:  # noqa: BLE001  (it is logged, and the exit code shows it)
         _LOG.critical("an unexpected error ends the process", exc_info=True)
         sys.exit(os.EX_SOFTWARE)
+
+
+class StopSignals:
+    """Handles SIGTERM and SIGINT: the first one asks to stop, a later one ends the process.
+
+    Make it in the main thread.
+    """
+
+    def __init__(self) -> None:
+        self.asked = Stop()  #: set by the first signal
+        self._asked_at = 0.0
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._heard)
+
+    def _heard(self, number: int, _: FrameType | None) -> None:
+        now = time.monotonic()
+        if not self.asked.is_set():
+            self.asked.set()
+            self._asked_at = now
+            limit = threading.Timer(LIMIT_S, _give_up)
+            limit.daemon = True
+            limit.start()
+        elif now > self._asked_at + _TOGETHER_S:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+
+def _give_up() -> None:
+    _LOG.critical("the process did not stop within %g s, and is ended", LIMIT_S)
+    logging.shutdown()
+    os._exit(ExitCode.FAILED)
 
 
 def _end_with_its_thread(died: threading.ExceptHookArgs) -> None:

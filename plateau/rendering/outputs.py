@@ -13,7 +13,7 @@ from plateau.client import ApiError
 from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire import job_text
-from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.csv_text import curve_csv
 from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, SLICES, NewSet

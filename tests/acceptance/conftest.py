@@ -6,15 +6,12 @@ from pathlib import Path
 import pytest
 
 from tests.support.farms.real_farm import RealFarm
-from tests.support.processes.forked import ForkServer
 from tests.support.until import until
 
 
 @pytest.fixture(scope="session")
-def shared_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
-) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache, server=fork_server) as farm:
+def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
+    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
         yield farm
 
 

@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+import plateau
 from plateau.client import DEFAULT_URL
 from tests.support.farms.real_farm import RealFarm
 
@@ -27,6 +29,7 @@ def test_every_block_runs(
     # Given the service that the docs speak of, at another address, and a folder with the scenes
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(plateau, "render", partial(plateau.render, farm=staffed.client.url))
     blocks = list(python_of(ROOT / name))
     assert blocks, "no Python to run"
     assert any(DEFAULT_URL in block for block in blocks)

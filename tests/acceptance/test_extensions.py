@@ -56,14 +56,15 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_without_any_the_core_renders(core: str, tmp_path: Path) -> None:
+    there = {"PYTHONPATH": core, "PLATEAU_CACHE": str(tmp_path / "cache")}
     (tmp_path / "shot.blend").write_bytes(b"BLENDER17-01v0501")
-    render = Command("render", str(tmp_path / "shot.blend"), folder=tmp_path / "a", PYTHONPATH=core)
+    render = Command("render", str(tmp_path / "shot.blend"), folder=tmp_path / "a", **there)
     assert render.exit_code(60) == 1
     assert "it is of no known kind" in render.said
     (tmp_path / "checks.json").write_text(json.dumps({"analytic": 1, "width": 16, "height": 16}))
     arguments = ("render", str(tmp_path / "checks.json"), "-o", str(tmp_path / "out"))
     options = ("--rule", "fixed:spp=100", "--workers", "1", "--threads", "1")
-    with Command(*arguments, *options, folder=tmp_path / "b", PYTHONPATH=core) as render:
+    with Command(*arguments, *options, folder=tmp_path / "b", **there) as render:
         assert render.exit_code(180) == 0, render.said
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["spp"] == 100
 

@@ -36,10 +36,7 @@ IN_A_DICT: Final[dict[str, tuple[dict[str, Any], str]]] = {
         {"ball": {"type": "sphere", "filename": r"C:\art\wood.png"}},
         r"^ball\.filename names .* put it there, or give its whole path; write / between folders",
     ),
-    "a typo in 'type'": (
-        {"ball": {"typ": "sphere"}},
-        r"^ball has no 'type'; it has 'typ'",
-    ),
+    "a typo in 'type'": ({"ball": {"typ": "sphere"}}, r"^ball has no 'type'; it has 'typ'"),
     # What Mitsuba alone can tell, and with it a job's reason
     "a typo in a property": (
         {"ball": {"type": "sphere", "bsdf": {"type": "diffuse", "reflectanse": 1.0}}},

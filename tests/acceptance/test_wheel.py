@@ -72,13 +72,7 @@ NEEDS = {
 }
 #: What can be imported with each extra: whole packages, and modules.
 BRINGS = {
-    "farm": (
-        "farm.blobs",
-        "farm.ledger",
-        "farm.redis",
-        "farm.sweep",
-        "processes.redis_at_hand",
-    ),
+    "farm": ("farm.blobs", "farm.ledger", "farm.redis", "farm.sweep", "processes.redis_at_hand"),
     "images": ("farm.images", "picture.diff"),
     "api": ("service.api", "processes.standing"),
     "monitor": ("picture", "service.monitor", "metric"),
@@ -150,12 +144,7 @@ def run(tmp_path: Path) -> Run:
         plain = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path / "home"), **environment}
         (tmp_path / "empty").mkdir(exist_ok=True)
         return subprocess.run(
-            command,
-            cwd=tmp_path / "empty",
-            env=plain,
-            capture_output=True,
-            text=True,
-            timeout=200,
+            command, cwd=tmp_path / "empty", env=plain, capture_output=True, text=True, timeout=200
         )
 
     return run
@@ -202,6 +191,7 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(built:
     assert not {"bench", "metric", "scenes", "service", "tests", "worker"} & packed
 
 
+@pytest.mark.long
 def test_whoever_builds_it_gets_the_same_bytes(sources: Path, built: Path, tmp_path: Path) -> None:
     # Given the same files elsewhere, of another day and for others' eyes
     copy = shutil.copytree(sources, tmp_path / "of-another", symlinks=True)
@@ -267,7 +257,7 @@ for name in {BRINGS[extra]}:
     [pytest.param(one, marks=[pytest.mark.long] * (one != OWN_PYTHON)) for one in PYTHONS],
 )
 def test_the_base_lacks_what_a_farm_is_made_of(
-    version: str, install: Callable[..., Path], run: Run
+    version: str, base: Path, install: Callable[..., Path], run: Run
 ) -> None:
     # Given a Python that the metadata names
     python = f"python{version}"
@@ -284,7 +274,7 @@ from plateau import Client
 import plateau.commands
 print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 """
-    programs = install("", found or sys.executable)
+    programs = base if version == OWN_PYTHON else install("", found)
     # Then it works without a farm's parts
     done = run(programs / "python", "-W", "error", "-c", program)
     assert (done.stdout.split(), done.stderr) == ([], "")

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.support.other_rules import (
-    CyclesAdaptive,
-    CyclesThreshold,
-    LuxCoreHalt,
-    cycles_error,
-)
+from bench.support.other_rules import CyclesAdaptive, CyclesThreshold, LuxCoreHalt, cycles_error
 from plateau.metric import Image
 from tests.support.images import PAPER
 

@@ -13,7 +13,11 @@ from plateau.farm.process.settings import Settings
 from plateau.scenes import FOLDER
 from plateau.worker.supervisor.variants import choose
 
-_SPIN = "import time\nwhile time.process_time() < 1.5: pass"
+#: It begins once it was stopped and goes on.
+_SPIN = """import signal, time
+signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCONT})
+signal.sigwait({signal.SIGCONT})
+while time.process_time() < 1.5: pass"""
 _SPIN_BELOW = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {_SPIN!r}])"
 
 

@@ -20,7 +20,7 @@ from tests.support.farms.real_farm import RealFarm
 
 @pytest.fixture(scope="module")
 def farm(tmp_path_factory, cache) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
+    with RealFarm(tmp_path_factory.mktemp("farm"), cache, plain=True) as farm:
         farm.start("monitor")
         farm.start("worker")
         yield farm

@@ -194,10 +194,7 @@ def test_the_cryptomatte_of_slices_is_that_of_the_whole(child, blend):
     whole, first, second = (child.film(one) for one in ((32, 0), (16, 0), (16, 16)))
     at_once, of_slices = (
         _shares(channels.normalised(total))
-        for total in (
-            channels.add(None, whole),
-            channels.add(channels.add(None, first), second),
-        )
+        for total in (channels.add(None, whole), channels.add(channels.add(None, first), second))
     )
     assert at_once.keys() == of_slices.keys()
     for one, share in at_once.items():
@@ -229,7 +226,7 @@ def _shares(image: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def test_light_comes_with_the_colour_by_which_it_is_divided(child, blend):
     scene = child.load(blend("light_alone"))
     assert {name.rpartition(".")[0] for name in scene.channels[4:]} == {
-        *("ViewLayer.Diffuse Direct", "ViewLayer.Diffuse Color"),
+        *("ViewLayer.Diffuse Direct", "ViewLayer.Diffuse Color")
     }
 
 
@@ -294,8 +291,7 @@ def test_a_missing_texture_is_named_before_anything_is_rendered(blend, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("name", "says"),
-    [("eevee", "BLENDER_EEVEE; set it to Cycles"), ("cut", "Blender: ")],
+    ("name", "says"), [("eevee", "BLENDER_EEVEE; set it to Cycles"), ("cut", "Blender: ")]
 )
 def test_what_cycles_cannot_render_is_refused_in_words(child, blend, tmp_path, name, says):
     path = tmp_path / "shot.blend"

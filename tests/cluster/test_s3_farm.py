@@ -99,9 +99,7 @@ def heal(farm: DistantFarm) -> None:
 
 @pytest.mark.long_form
 @pytest.mark.parametrize(
-    ("fail", "mend"),
-    [(kill, start), (cut, heal)],
-    ids=lambda step: step.__name__,
+    ("fail", "mend"), [(kill, start), (cut, heal)], ids=lambda step: step.__name__
 )
 def test_a_server_that_is_away_for_longer_than_a_lease(
     farm: DistantFarm,

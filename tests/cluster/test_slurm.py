@@ -211,7 +211,7 @@ def test_a_worker_may_be_submitted_by_hand_for_a_service(
     tmp_path: Path, cache: Path, slurm: Slurm
 ) -> None:
     endless = {"variant": "scalar_rgb", "max_spp": 500_000, "rule": "fixed:spp=500000"}
-    with RealFarm(tmp_path, cache, **slurm.environment) as farm:
+    with RealFarm(tmp_path, cache, plain=True, **slurm.environment) as farm:
         farm.start("monitor")
         job = farm.submit(parameters={"width": 48, "height": 48}, slice_spp=50, **endless)
         told = {**farm.environment, "PLATEAU_PYTHON": sys.executable, "PLATEAU_THREADS": ""}

@@ -15,7 +15,7 @@ from tests.support.until import until
 
 @pytest.fixture
 def farm(tmp_path: Path, cache: Path) -> Iterator[FaultyFarm]:
-    with FaultyFarm(tmp_path, cache) as farm:
+    with FaultyFarm(tmp_path, cache, plain=True) as farm:
         yield farm
 
 

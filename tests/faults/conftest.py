@@ -7,15 +7,11 @@ import pytest
 
 from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, outcome
-from tests.support.processes.forked import ForkServer
 
 
 @pytest.fixture(scope="session")
-def shared_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
-) -> Iterator[FaultyFarm]:
-    """Whom it harms is started as users do; the others are forked."""
-    with FaultyFarm(tmp_path_factory.mktemp("farm"), cache, server=fork_server) as farm:
+def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
+    with FaultyFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
         yield farm
 
 

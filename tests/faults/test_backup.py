@@ -28,11 +28,7 @@ Up = Callable[..., Command]
 def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
     def start(data: Path, workers: int = 1) -> Command:
         arguments = ("up", "--workers", str(workers), "--port", "0")
-        settings = {
-            "PLATEAU_DATA": str(data),
-            "PLATEAU_CACHE": str(cache),
-            "PLATEAU_LEASE_S": "2",
-        }
+        settings = {"PLATEAU_DATA": str(data), "PLATEAU_CACHE": str(cache), "PLATEAU_LEASE_S": "2"}
         return Command(*arguments, folder=tmp_path, **settings)
 
     yield from starting(start)

@@ -14,7 +14,6 @@ from tests.support.farms.faulty_farm import BRIEF, FaultyFarm
 from tests.support.faults.invariants import Outcome, assert_same, outcome
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.long_tests import cases, rare
-from tests.support.processes.forked import ForkServer
 
 Submit = Callable[[], str]
 
@@ -24,13 +23,13 @@ LONGER_THAN_A_LEASE_S = 8.0
 
 @pytest.fixture(scope="module")
 def small_disk(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
+    tmp_path_factory: pytest.TempPathFactory, cache: Path
 ) -> Iterator[tuple[FaultyFarm, LoopDisk]]:
     """A farm whose blobs are on a disk of 8 MB, and the disk."""
     home = tmp_path_factory.mktemp("small")
     with (
         LoopDisk(home / "disk", megabytes=8) as disk,
-        FaultyFarm(home, cache, disk.folder / "blobs", fork_server, PLATEAU_LEASE_S="6") as farm,
+        FaultyFarm(home, cache, disk.folder / "blobs", PLATEAU_LEASE_S="6") as farm,
     ):
         farm.start("monitor")
         farm.workers(2)
@@ -43,8 +42,7 @@ def small_disk(
     [
         (LoopDisk.fill, LoopDisk.free),
         *rare(
-            (LoopDisk.make_read_only, LoopDisk.make_writable),
-            (LoopDisk.unmount, LoopDisk.mount),
+            (LoopDisk.make_read_only, LoopDisk.make_writable), (LoopDisk.unmount, LoopDisk.mount)
         ),
     ],
     ids=["full", "read-only", "not mounted"],
@@ -56,17 +54,22 @@ def test_a_store_that_fails_for_longer_than_a_lease(
     heal: Callable[[LoopDisk], None],
 ) -> None:
     farm, disk = small_disk
-    ended = True
-    while ended:
-        job = farm.submit_half_way(**BRIEF)
-        try:
-            fail(disk)
-            ended = farm.jobs.get(job).state.ended
-            time.sleep(0 if ended else LONGER_THAN_A_LEASE_S)
-        finally:
-            heal(disk)
-    assert_same(outcome(farm, job), undisturbed)
-    assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
+    for _ in range(3):
+        ended = True
+        while ended:
+            job = farm.submit_half_way(**BRIEF)
+            try:
+                fail(disk)
+                ended = farm.jobs.get(job).state.ended
+                time.sleep(0 if ended else LONGER_THAN_A_LEASE_S)
+            finally:
+                heal(disk)
+        assert_same(outcome(farm, job), undisturbed)
+        told = [one.data["cause"] for one in farm.jobs.events(job) if one.type == "trouble"]
+        # A worker that a busy machine holds up for a lease is lost by rights, but not every time
+        if not told or not all(str(cause).endswith(" was lost") for cause in told):
+            break
+    assert told == []
     assert all(process.poll() is None for process in farm.processes)
 
 
@@ -88,11 +91,7 @@ def flip_a_byte(path: Path) -> None:
     ),
 )
 def test_blobs_that_are_spoiled_at_rest(
-    farm: FaultyFarm,
-    undisturbed: Outcome,
-    submit: Submit,
-    what: str,
-    harm: Callable[[Path], None],
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, what: str, harm: Callable[[Path], None]
 ) -> None:
     """Half-way through a job its monitor dies, and what it would have gone on from is harmed."""
     farm.start("worker")

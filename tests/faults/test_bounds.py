@@ -113,7 +113,7 @@ class Soak:
 
         def work(number: int) -> None:
             try:
-                with connect(self.farm.redis.url) as client:
+                with connect(self.farm.redis.url, 120.0) as client:
                     _work(client, self.farm.redis.url, self.folder, f"noise-{number}", over)
             except BaseException as error:
                 failed.append(error)

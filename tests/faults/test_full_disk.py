@@ -23,10 +23,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
     tmp_path: Path, cache: Path, undisturbed: Outcome
 ) -> None:
     with LoopDisk(tmp_path / "disk", megabytes=24) as disk:
-        settings = {
-            "PLATEAU_CACHE": str(cache),
-            "PLATEAU_LEASE_S": "2",
-        }
+        settings = {"PLATEAU_CACHE": str(cache), "PLATEAU_LEASE_S": "2"}
         data = str(disk.folder / "data")
         with Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings) as up:
             with Client(up.wait_for(READY)) as client:

@@ -39,11 +39,7 @@ _SOON = {
 
 @pytest.mark.parametrize("stage", cases(_STAGES, ["a worker that uploads", *rare("a monitor")]))
 def test_others_take_the_work_of_a_process_that_hangs(
-    farm: FaultyFarm,
-    undisturbed: Outcome,
-    submit: Submit,
-    tmp_path: Path,
-    stage: str,
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, tmp_path: Path, stage: str
 ) -> None:
     role, where, when, nth = _STAGES[stage]
     farm.start("worker" if role == "monitor" else "monitor")

@@ -9,7 +9,6 @@ import pytest
 from tests.support.farms.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.farms.receiver import SECRET, receiving
 from tests.support.long_tests import cases
-from tests.support.processes.forked import ForkServer
 from tests.support.until import until
 
 STAGES = {
@@ -23,11 +22,9 @@ TWICE = {"between answer and note"}
 
 
 @pytest.fixture(scope="module")
-def hooking_farm(
-    tmp_path_factory: pytest.TempPathFactory, cache: Path, fork_server: ForkServer
-) -> Iterator[FaultyFarm]:
+def hooking_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
     folder, allow = tmp_path_factory.mktemp("hooks"), {"PLATEAU_WEBHOOK_ALLOW": "127.0.0.1"}
-    with FaultyFarm(folder, cache, server=fork_server, **allow) as farm:
+    with FaultyFarm(folder, cache, **allow) as farm:
         yield farm
 
 

@@ -54,10 +54,7 @@ def bundle(path: Path, body: str, *, size: int = 16, depth: int = 4, **files: by
 @pytest.fixture(scope="module")
 def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
     """A farm of two workers whose children may take little, and that tries a slice twice."""
-    limits = {
-        "PLATEAU_CHILD_MEMORY_GB": "1",
-        "PLATEAU_CHILD_TIMEOUT_S": "60",
-    }
+    limits = {"PLATEAU_CHILD_MEMORY_GB": "1", "PLATEAU_CHILD_TIMEOUT_S": "60"}
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
         for role in ("monitor", "worker", "worker"):
             farm.start_changed(role, set={"plateau.farm.ledger.queue:MAX_TRIES": 2})

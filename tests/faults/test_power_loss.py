@@ -71,9 +71,10 @@ class TestJobs:
         def no_fsync(client: redis.Redis) -> None:
             client.config_set("appendfsync", "no")
 
-        acknowledged, lost, _ = _submit_until_the_power_goes(tmp_path, random.Random(0), no_fsync)
-        assert acknowledged
-        assert lost != []
+        assert any(
+            _submit_until_the_power_goes(tmp_path / str(n), random.Random(n), no_fsync)[1]
+            for n in range(3)
+        )
 
 
 class TestBlobs:
@@ -96,7 +97,7 @@ def test_no_acknowledged_job_goes_with_a_redis_that_is_killed(tmp_path: Path) ->
     server = EmbeddedRedis(tmp_path / "redis")
     try:
         with live_api(server.url, Blobs(str(tmp_path / "blobs"))) as url, Client(url) as client:
-            for number in range(50 if long_tests.WANTED else 8):
+            for number in range(50 if long_tests.WANTED else 4):
                 # If Redis is killed as soon as the job was acknowledged
                 job = client.submit(_scene(tmp_path, number))
                 server.process.kill()
@@ -112,7 +113,7 @@ def test_no_acknowledged_job_goes_with_a_redis_that_is_killed(tmp_path: Path) ->
 class TestALogWhoseLastWriteDidNotGetToTheDisk:
     """Its length may have: then it ends in zeros, on which Redis does not start."""
 
-    @pytest.mark.parametrize("begun", [b"", b"*3\r\n$3\r\nSET\r\n$1"])
+    @pytest.mark.parametrize("begun", [b"*3\r\n$3\r\nSET\r\n$1", *long_tests.rare(b"")])
     @pytest.mark.parametrize("zeros", [9, 3000, 20_000])
     def test_is_that_of_the_writes_before(self, begun: bytes, zeros: int, tmp_path: Path) -> None:
         with _redis(tmp_path) as client:
@@ -147,11 +148,11 @@ def _submit_until_the_power_goes(
         with _up(folder, data) as service:
             url = service.wait_for(READY)
             # Not in its folder where that has a long path, as it has here
-            with connect(service.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
+            with connect(service.wait_for(r"PLATEAU_REDIS_URL=(\S+)"), 120.0) as client:
                 prepare(client)
             switch = threading.Timer(rng.uniform(0.5, 2), _kill_at_once, (service,))
-            with Client(url, patience_s=0) as http:
-                acknowledged.append(http.submit(_scene(folder, 10_000)))
+            with Client(url, patience_s=120) as patient, Client(url, patience_s=0) as http:
+                acknowledged.append(patient.submit(_scene(folder, 10_000)))
                 switch.start()
                 for number in range(10_000):
                     try:
@@ -215,7 +216,7 @@ def _up(folder: Path, data: Path) -> Command:
 def _redis(folder: Path) -> Iterator[redis.Redis]:
     server = EmbeddedRedis(folder)
     try:
-        with connect(server.url) as client:
+        with connect(server.url, 120.0) as client:
             yield client
     finally:
         server.stop()

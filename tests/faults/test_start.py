@@ -51,7 +51,7 @@ def redis_comes(tmp_path: Path) -> Iterator[Callable[[], EmbeddedRedis]]:
 def test_a_data_folder_of_another_version_is_refused(tmp_path: Path) -> None:
     # Given a data folder that another Plateau has used
     server = EmbeddedRedis(tmp_path / "data" / "redis")
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
         client.set(keys.SCHEMA, OTHER)
     server.stop()
     # Then this one says so in a line, and leaves it as it is
@@ -62,7 +62,7 @@ def test_a_data_folder_of_another_version_is_refused(tmp_path: Path) -> None:
     assert "install the Plateau that wrote it, or choose another PLATEAU_DATA" in command.said
     assert len(command.said.splitlines()) == 1
     server = EmbeddedRedis(tmp_path / "data" / "redis")
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
         assert client.keys("*") == [keys.SCHEMA]
         assert client.get(keys.SCHEMA) == OTHER
     server.stop()
@@ -73,7 +73,7 @@ def test_a_data_folder_of_another_version_is_refused(tmp_path: Path) -> None:
 def test_each_process_refuses_what_is_too_new(
     arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
 ) -> None:
-    with connect(redis_comes().url) as client:
+    with connect(redis_comes().url, 120.0) as client:
         client.set(keys.SCHEMA, OTHER)
     command = run(*arguments)
     assert command.exit_code() == ExitCode.INCOMPATIBLE
@@ -91,20 +91,17 @@ def test_each_process_waits_for_redis(
     # If that comes
     server = redis_comes()
     # Then the process goes on, and marks the layout
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
         until(lambda: client.get(keys.SCHEMA) == str(LAYOUT), 60)
     assert command.process.poll() is None
 
 
 @pytest.mark.parametrize("arguments", ONE_OF_THEM)
 def test_each_process_refuses_what_comes_late_and_is_too_new(
-    arguments: tuple[str, ...],
-    run: Run,
-    redis_comes: Callable[[], EmbeddedRedis],
-    tmp_path: Path,
+    arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis], tmp_path: Path
 ) -> None:
     before = redis_comes()
-    with connect(before.url) as client:
+    with connect(before.url, 120.0) as client:
         client.set(keys.SCHEMA, OTHER)
     before.stop()
     command = run(*arguments)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from plateau.metric import (
-    BlendError,
     Evidence,
     Half,
     Image,
@@ -17,6 +16,7 @@ from plateau.metric import (
     VisibleDifferences,
     blended,
 )
+from plateau.metric.blend import BlendError
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.denoise import smoothed
 from plateau.metric.estimate import estimate_from

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from plateau.metric import MAP_PALETTE, allowed_non_finite, non_finite_map, non_finite_pixels
+from plateau.metric.non_finite import allowed_non_finite, non_finite_pixels
+from plateau.metric.pictures import MAP_PALETTE, non_finite_map
 
 
 @pytest.mark.parametrize(

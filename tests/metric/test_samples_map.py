@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from plateau.metric import SAMPLES_PALETTE, samples_map
+from plateau.metric.pictures import SAMPLES_PALETTE, samples_map
 
 
 def luminance(colours):

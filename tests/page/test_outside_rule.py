@@ -20,7 +20,7 @@ TOY = Path(__file__).parents[1] / "support" / "toy_rule"
 
 @pytest.fixture(scope="module")
 def toy_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    with RealFarm(tmp_path_factory.mktemp("toy"), cache, PYTHONPATH=str(TOY)) as farm:
+    with RealFarm(tmp_path_factory.mktemp("toy"), cache, plain=True, PYTHONPATH=str(TOY)) as farm:
         yield farm
 
 

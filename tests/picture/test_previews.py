@@ -78,10 +78,7 @@ def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> N
 def test_a_preview_over_http_is_what_the_image_was(farm: NoiseFarm, redis_url: str) -> None:
     job = farm.submit(step=25, max_spp=75, rule={"name": "fixed", "spp": 75})
     path = f"/v1/jobs/{job.id}"
-    with (
-        live_http(redis_url, farm.store) as http,
-        farm.monitor(),
-    ):
+    with live_http(redis_url, farm.store) as http, farm.monitor():
         assert http.get(f"{path}/previews").json() == {"previews": []}
         farm.render(1)
         until(lambda: bool(farm.jobs.results(job.id)), 60)

@@ -13,7 +13,7 @@ from plateau.client import Client
 from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.job import Job
 from plateau.farm.wire import job_text
-from plateau.metric import SAMPLES_PALETTE, samples_map
+from plateau.metric.pictures import SAMPLES_PALETTE, samples_map
 from plateau.rendering.outputs import write_results
 from tests.support.farms.finished_jobs import finished
 from tests.support.farms.live_api import live_api

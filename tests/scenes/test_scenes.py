@@ -15,22 +15,10 @@ from plateau.files.packing import pack
 #: Of each family: the SHA-256 of its files, the median of each pixel's brightest channel at EV 0
 #: under the bright light, and the most pixels beyond white.
 FACTS = {
-    "bar": (
-        "0badd1110ebfeb6eed5f252e4cab862cc2cb04c20a9f22b248ee6bf84f3097f1",
-        0.25,
-        0.07,
-    ),
+    "bar": ("0badd1110ebfeb6eed5f252e4cab862cc2cb04c20a9f22b248ee6bf84f3097f1", 0.25, 0.07),
     "box": ("b5ee714379537e3f8c0915bbd9f54784ec7ddc5989ac89d1da0af6712decc929", 0.34, 0.04),
-    "oculist": (
-        "de7f576bdc4468dc1add5962ebef4e1230cac6055ecbb6e3180b1fbda6a21128",
-        0.28,
-        0.05,
-    ),
-    "plants": (
-        "db1e83fba134c070a7476c9b5c9279654318863be0d629ac18ac4cbb7af6076f",
-        0.23,
-        0.05,
-    ),
+    "oculist": ("de7f576bdc4468dc1add5962ebef4e1230cac6055ecbb6e3180b1fbda6a21128", 0.28, 0.05),
+    "plants": ("db1e83fba134c070a7476c9b5c9279654318863be0d629ac18ac4cbb7af6076f", 0.23, 0.05),
 }
 RENDER = """
 import json, sys

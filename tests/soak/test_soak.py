@@ -55,7 +55,7 @@ def test_nothing_is_lost_and_nothing_grows(tmp_path: Path) -> None:
     with ExitStack() as after:
         orphans = after.enter_context(adopting())
         receiver = after.enter_context(receiving())
-        farm = after.enter_context(FaultyFarm(data, cache, **settings))
+        farm = after.enter_context(FaultyFarm(data, cache, plain=True, **settings))
         other_api = f"http://127.0.0.1:{port}"
         soak = after.enter_context(Soak(farm, tmp_path, other_api, receiver.url))
         # Given what becomes of each kind of job while nothing happens

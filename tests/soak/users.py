@@ -59,7 +59,7 @@ KINDS: Final = {
             **_QUICK,
             "parameters": {**_SMALL, "noise": "fireflies"},
             "allocation": {"name": "zones", "size": 16},
-        },
+        }
     ),
     "with a notice": Kind(has_notice=True, weight=2),
     "paused and resumed": Kind(does=("pause", "resume")),

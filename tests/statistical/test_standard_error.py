@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from plateau.metric import Evidence, Quarters, View, VisibleDifferences, create_rule
+from plateau.metric import Evidence, View, VisibleDifferences, create_rule
 from plateau.metric.display import displayed, srgb_encoded
 from plateau.metric.rules.error import ErrorRule
+from plateau.metric.standard_error import Quarters
 from tests.support.long_tests import WANTED
 
 Floats = NDArray[Any]

@@ -3,11 +3,4 @@
 from tests.plateau.conftest import api, plateau, store
 from tests.service.conftest import api_store, http, session_api
 
-__all__ = [
-    "api",
-    "api_store",
-    "http",
-    "plateau",
-    "session_api",
-    "store",
-]
+__all__ = ["api", "api_store", "http", "plateau", "session_api", "store"]

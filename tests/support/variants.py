@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries
-from plateau.worker.supervisor.variants import LLVM, SCALAR, probe
+from plateau.worker.supervisor.variants import LLVM, SCALAR, Probe, probe
 
 #: For parametrised tests and fixtures: every variant that tests cover.
 VARIANTS = (SCALAR, pytest.param(LLVM, marks=pytest.mark.llvm))
@@ -25,5 +25,11 @@ def library_for(variant: str) -> str | None:
 
 
 @cache
+def known_probe(variant: str, library: str | None) -> Probe:
+    """What a variant's first trial in this process has found."""
+    return probe(variant, library)
+
+
+@cache
 def _usable_llvm() -> str | None:
-    return next((str(path) for path in llvm_libraries() if probe(LLVM, str(path)).ok), None)
+    return next((str(path) for path in llvm_libraries() if known_probe(LLVM, str(path)).ok), None)

@@ -1,4 +1,4 @@
-"""A blob store in S3.
+"""A blob store in S3, and one that a process of another machine serves.
 
 Plateau has no setting for credentials and never sees them: obstore reads them from AWS's
 environment variables, and renews those that expire.
@@ -170,3 +170,30 @@ class Gate:
                 self._is_silent = is_silent
                 if asks_for_all:
                     self._is_asked = False
+
+
+class Served(Bucket):
+    """The blobs behind ``http://SECRET@HOST:PORT``, for as long as the run lasts that serves them.
+
+    `plateau.engines.blob_server` is the other end. Nothing is created here: its own process has
+    made the mark before it serves.
+    """
+
+    lost = "the run whose blobs were served there is over"
+
+    def __init__(self, url: str) -> None:
+        parts = urlsplit(url)
+        self._gate = Gate()
+        self.store = HTTPStore(
+            f"http://{parts.hostname}:{parts.port}",
+            client_options={
+                **TIMES,
+                "allow_http": True,
+                "default_headers": {"authorization": f"Bearer {parts.username}"},
+            },
+            retry_config=RETRIES,
+        )
+
+    def put(self, name: str, content: bytes | BinaryIO) -> None:
+        """Store a blob whole or not at all."""
+        obstore.put(self.store, name, content, use_multipart=False)

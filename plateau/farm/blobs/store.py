@@ -13,11 +13,10 @@ from urllib.request import url2pathname
 import obstore
 from obstore.exceptions import AlreadyExistsError, BaseError
 
-from plateau.farm.blobs.bucket import Bucket
+from plateau.farm.blobs.bucket import Bucket, Served
 from plateau.farm.blobs.errors import is_absence, why
 from plateau.farm.blobs.folder import INCOMING, Folder
 from plateau.farm.blobs.names import MARK
-from plateau.farm.blobs.served import Served
 from plateau.farm.model.errors import BlobsUnavailable
 from plateau.farm.model.scene_roots import at_home
 

@@ -25,7 +25,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import NoteUse, PutKey
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 _SECRET_BYTES: Final = 32
 #: An API process notes a key's use so often: each note is written to the disk.
@@ -81,12 +81,11 @@ class ApiKey(BaseModel):
         return self.revoked_at is None
 
 
-class ApiKeys:
+class ApiKeys(OnRedis):
     """All keys. Every method raises `StoreUnavailable` when Redis is away."""
 
     def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self._note_after: dict[str, float] = {}  # by id, on the monotonic clock
 
     def create(self, name: str, role: Role, limits: KeyLimits) -> tuple[ApiKey, str]:

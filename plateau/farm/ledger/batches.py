@@ -22,7 +22,7 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 #: Jobs that are read, or moved, in one round trip.
 _AT_ONCE: Final = 250
@@ -43,12 +43,11 @@ class Steer(Enum):
     RESUME = "resume"
 
 
-class Batches:
+class Batches(OnRedis):
     """All batches. Every method raises `StoreUnavailable` when Redis is away."""
 
     def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self.shots = Shots(client)
 
     def page(

@@ -35,7 +35,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "allocation", "inputs")
@@ -65,12 +65,11 @@ class Remains:
         return not self.checkpoint
 
 
-class Continuations:
+class Continuations(OnRedis):
     """Continues jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
 
     def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self._jobs = Jobs(client)
 
     def remains(self, job: Job) -> Remains | None:

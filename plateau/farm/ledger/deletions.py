@@ -7,22 +7,17 @@ from plateau.farm.model.batch import SteeredJob
 from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Deleted, SetDeleted
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 
-class Deletions:
+class Deletions(OnRedis):
     """Which ended jobs are deleted. Every method raises `StoreUnavailable` when Redis is away.
 
     A deleted job keeps its records and results until a sweep removes it for good
     (`plateau.farm.sweep.finished_jobs`), as soon as no other job continues it.
     """
-
-    def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
 
     def set(self, job_id: str, *, deleted: bool) -> None:
         """Delete the job, or restore it; repeating it is harmless.

@@ -1,24 +1,21 @@
 """What Redis has of one job: its curve, events, results, plan, and the log of its slices."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger import records
 from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
-from plateau.farm.ledger.slice_log import slice_log
-from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry, moment
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import OnRedis
 
 
-class JobReads:
+class JobReads(OnRedis):
     """Reads of a job. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        self._redis = client
 
     def curve(self, job_id: str) -> list[CurvePoint]:
         """The points of the job's curve, by rising spp."""
@@ -88,3 +85,43 @@ class JobReads:
         written = (one for _, one in entries if wanted in {None, one["slice"]})
         ledger = {at: one for at, one in committed.items() if wanted in {None, at}}
         return slice_log(written, records.ledger(ledger))
+
+
+def slice_log(
+    written: Iterable[Mapping[str, str]], ledger: Mapping[int, Mapping[str, Any]]
+) -> list[LogEntry]:
+    """The written entries and those from the ledger, by time.
+
+    `ledger` has the committed slices' records by index, read in the same moment. The commands write
+    an entry in the same step in which they decide, so that log and ledger never disagree. A slice
+    that was committed without output has no entry: its ledger record serves as one.
+    """
+    entries = [_entry(fields) for fields in written]
+    # A slice may be committed again after its partial was rejected.
+    last = {entry.slice: entry.what for entry in entries if entry.what in {"committed", "rejected"}}
+    silent = (record for index, record in ledger.items() if last.get(index) != "committed")
+    return sorted([*entries, *map(_committed, silent)], key=lambda entry: entry.at)
+
+
+def _entry(fields: Mapping[str, str]) -> LogEntry:
+    return LogEntry.model_validate(
+        {
+            "at": moment(fields["at"]),
+            "slice": fields["slice"],
+            "worker": fields["worker"],
+            "what": fields["what"],
+            "cause": fields["cause"] or None,
+            "seconds": float(fields["ms"]) / 1000 if fields["ms"] else None,
+            "text": fields["text"],
+        }
+    )
+
+
+def _committed(record: Mapping[str, Any]) -> LogEntry:
+    return LogEntry(
+        at=moment(record["at"]),
+        slice=record["index"],
+        worker=record["worker"],
+        what="committed",
+        seconds=record["render_s"],
+    )

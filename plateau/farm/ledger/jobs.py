@@ -18,7 +18,6 @@ from plateau.farm.model.job import Again, Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import (
     Create,
@@ -30,7 +29,6 @@ from plateau.farm.redis.commands.jobs import (
     Resume,
 )
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,10 +47,6 @@ def request_key(idempotency_key: str, owner: str) -> str:
 
 class Jobs(JobReads):
     """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        super().__init__(client)
-        self._scripts = Scripts(client)
 
     def create(
         self,

@@ -15,9 +15,8 @@ from typing import Final
 
 from plateau.farm.ledger import records
 from plateau.farm.model.job import Job, moment
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.notices import SettleNotice, TakeNotice, TryEnd
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 #: Tries before a notice is given up: with the delays below, after a day or so.
 MOST_TRIES: Final = 14
@@ -69,11 +68,8 @@ class Taken:
         return found
 
 
-class Outbox:
+class Outbox(OnRedis):
     """All notices that wait. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        self._scripts = Scripts(client)
 
     def take(self, lease_s: float, busy: Iterable[str] = ()) -> Taken | None:
         """Lease the first due notice to a receiver that is not busy; None without one.

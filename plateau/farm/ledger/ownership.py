@@ -37,7 +37,7 @@ from plateau.farm.redis.commands.owners import (
 )
 from plateau.farm.redis.commands.owners import Ownership as Ownership
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 
 class Checkpoint(BaseModel):
@@ -57,12 +57,11 @@ def checkpoint_of(client: RedisClient, job_id: str) -> Checkpoint | None:
     return None if text is None else Checkpoint.model_validate_json(text)
 
 
-class Ownerships:
+class Ownerships(OnRedis):
     """What a monitor may do with jobs. Methods raise `StoreUnavailable` and `FenceLost`."""
 
     def __init__(self, client: RedisClient, lease_s: float) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self._lease_ms = round(lease_s * 1000)
 
     def unfinished(self) -> set[str]:

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.ledger.workers import ALIVE_S
+from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.fit import WorkerClass
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.slices.rounds import Round
@@ -23,6 +24,7 @@ from plateau.farm.redis.commands.slices import (
     Fail,
     Glimpse,
     HandBack,
+    LeasedSlice,
     Offer,
 )
 from plateau.farm.redis.link import unavailable_as_farm_error
@@ -110,6 +112,11 @@ class SliceQueue:
         """The next slice for this worker, or None where there is nothing to do.
 
         `variants` are those it can render, best first; `in_turn` keeps to the job that is loaded.
+
+        Raises
+        ------
+        UnreadableJob
+            Its spec cannot be read here; this worker takes nothing of the job for a while.
         """
         offer = Offer(again=True)
         while offer.again:
@@ -127,13 +134,19 @@ class SliceQueue:
         if found is None:
             self._look_again_s = float("inf") if offer.wait_ms is None else offer.wait_ms / 1000
             return None
+        try:
+            spec = stored_spec(found.spec).settled(found.variant)
+        except ValueError as error:  # such as of a rule that is not installed here
+            unreadable = UnreadableJob(found.job, error)
+            self.hand_back(found, cause=str(unreadable), leaves_out=True)
+            raise unreadable from error
         return Lease(
             job_id=found.job,
             entry=found.entry,
             index=found.index,
             tries=found.tries,
             variant=found.variant,
-            spec=stored_spec(found.spec).settled(found.variant),
+            spec=spec,
             scene_sha256=found.scene,
             round=None if found.round is None else Round.from_json(found.round),
         )
@@ -190,7 +203,7 @@ class SliceQueue:
 
     def hand_back(
         self,
-        lease: Lease,
+        lease: Lease | LeasedSlice,
         machine_s: float = 0.0,
         *,
         cause: str = "",
@@ -221,10 +234,10 @@ class SliceQueue:
             )
         )
 
-    def _of_try(self, lease: Lease, machine_s: float, said: str) -> dict[str, Any]:
+    def _of_try(self, lease: Lease | LeasedSlice, machine_s: float, said: str) -> dict[str, Any]:
         """The fields that all `TryCommand` have, of the try that ends."""
         return {
-            "job": lease.job_id,
+            "job": lease.job_id if isinstance(lease, Lease) else lease.job,
             "entry": lease.entry,
             "worker": self._worker,
             "index": lease.index,

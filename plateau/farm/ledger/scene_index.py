@@ -7,21 +7,16 @@ from typing import Any, Final
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.scenes import DisuseScene, RememberScene, UseScene
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 #: Far longer than removing a scene's blob usually takes.
 _SCENE_GOES_S: Final = 5.0
 
 
-class SceneIndex:
+class SceneIndex(OnRedis):
     """The stored scenes, by SHA-256. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
 
     def use(self, sha256: str) -> None:
         """Note the use of a scene, before anyone asks the blob store for it.

@@ -17,10 +17,9 @@ from plateau.farm.model.shot import (
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.shots import AnsweredFrame, AnswerFrames, Over
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 _FIELDS: Final = (
     *("state", "spp", "width", "height", "finished_at"),
@@ -75,12 +74,8 @@ class ShotRecord:
     over: Over | None
 
 
-class Shots:
+class Shots(OnRedis):
     """All shots. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
 
     def get(self, shot_id: str) -> ShotRecord | None:
         """Return the shot, or None where its first frame is deleted."""

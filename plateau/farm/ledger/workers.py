@@ -9,18 +9,14 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain, MonitorHeartbeat
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis, Scripts
 
 #: A worker lives for this long after its last heartbeat.
 ALIVE_S: Final = 15.0
 
 
-class Workers:
+class Workers(OnRedis):
     """The workers that live. Every method raises `StoreUnavailable` when Redis is away."""
-
-    def __init__(self, client: RedisClient) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
 
     def living(self, within_s: float = ALIVE_S) -> list[Worker]:
         """The workers that sent a heartbeat in the last `within_s` seconds."""

@@ -40,7 +40,6 @@ class JobNotFound(FarmError):
 
     def __init__(self, job_id: str) -> None:
         super().__init__(f"there is no job {job_id!r}")
-        self.job_id = job_id
 
 
 class UnreadableJob(FarmError):
@@ -49,7 +48,6 @@ class UnreadableJob(FarmError):
     def __init__(self, job_id: str, error: Exception) -> None:
         why = f"it has no {error}" if isinstance(error, KeyError) else str(error)
         super().__init__(f"this Plateau cannot read job {job_id}: {why}")
-        self.job_id = job_id
 
 
 class IllegalTransition(FarmError):
@@ -69,7 +67,6 @@ class BatchNotFound(FarmError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"there is no batch {name!r}")
-        self.name = name
 
 
 class JobEnded(FarmError):
@@ -119,7 +116,6 @@ class FenceLost(FarmError):
 
     def __init__(self, job_id: str) -> None:
         super().__init__(f"job {job_id} is owned by another monitor now")
-        self.job_id = job_id
 
 
 class TooManyJobs(FarmError):

@@ -180,3 +180,11 @@ class Scripts:
                 f"Redis does not know the script of Plateau {versions.plateau()}, and this "
                 "process may not load it: it waits for a monitor or an API of this version"
             ) from None
+
+
+class OnRedis:
+    """What reads one Redis by its client, and writes to it by commands of the script."""
+
+    def __init__(self, client: RedisClient) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)

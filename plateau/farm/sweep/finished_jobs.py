@@ -19,18 +19,17 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.link import now_ms
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 from plateau.farm.sweep.removal import Removal
 
 _PAGE: Final = 500  #: jobs that are read at once
 
 
-class FinishedJobs:
+class FinishedJobs(OnRedis):
     """The finished jobs, as one sweep finds them."""
 
     def __init__(self, client: RedisClient, removal: Removal) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self._removal = removal
         self.forgotten: set[str] = set()  #: in a dry run, the jobs that would be
         self.sums = 0  #: dropped checkpoints of jobs that stay

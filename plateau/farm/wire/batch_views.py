@@ -16,15 +16,9 @@ def batch_path(name: str) -> str:
 
 def _links(name: str) -> dict[str, str]:
     root = batch_path(name)
-    return {
-        "self": root,
-        "jobs": f"/v1/jobs?batch={quote(name, safe='')}",
-        "cancel": f"{root}/cancel",
-        "pause": f"{root}/pause",
-        "resume": f"{root}/resume",
-        "restore": f"{root}/restore",
-        "shot": f"{root}/shot",
-    }
+    parts = ("cancel", "pause", "resume", "restore", "shot")
+    jobs = f"/v1/jobs?batch={quote(name, safe='')}"
+    return {"self": root, "jobs": jobs, **{part: f"{root}/{part}" for part in parts}}
 
 
 _NAME: Final = "exposures"

@@ -15,6 +15,13 @@ from plateau.farm.wire.json_numbers import WithWholeNumbers
 
 #: Below so many seconds, what is expected comes any moment.
 _SOON_S: Final = 3
+#: The paths below a job's.
+_PARTS: Final = (
+    *("curve", "events", "slices", "log", "image.png", "image.exr"),
+    *("difference.png", "noise.png", "quality.png", "spp.png", "non-finite.png"),
+    *("thumbnail.png", "previews", "results.zip"),
+    *("cancel", "pause", "resume", "restore", "again"),
+)
 
 
 def _shows(example: dict[str, Any]) -> JsonDict:
@@ -268,26 +275,8 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         job = job.model_copy(update={"spec": spec})
     root = f"/v1/jobs/{job.id}"
     links = {
-        "self": root,
-        "curve": f"{root}/curve",
-        "events": f"{root}/events",
-        "slices": f"{root}/slices",
-        "log": f"{root}/log",
-        "image_png": f"{root}/image.png",
-        "image_exr": f"{root}/image.exr",
-        "difference_png": f"{root}/difference.png",
-        "noise_png": f"{root}/noise.png",
-        "quality_png": f"{root}/quality.png",
-        "spp_png": f"{root}/spp.png",
-        "non_finite_png": f"{root}/non-finite.png",
-        "thumbnail_png": f"{root}/thumbnail.png",
-        "previews": f"{root}/previews",
-        "results": f"{root}/results.zip",
-        "cancel": f"{root}/cancel",
-        "pause": f"{root}/pause",
-        "resume": f"{root}/resume",
-        "restore": f"{root}/restore",
-        "again": f"{root}/again",
+        part.removesuffix(".zip").replace(".", "_").replace("-", "_"): f"{root}/{part}"
+        for part in _PARTS
     }
     values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
     return JobView(
@@ -298,7 +287,7 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         sampled=_sampled(job),
         seen=job.spec.view.words,
         seen_density=job.spec.view.density(job.width) if job.width else None,
-        links=links,
+        links={"self": root, **links},
     )
 
 

@@ -20,7 +20,6 @@ in short loops, which the compiler vectorises (`arithmetic`).
     jit         how kernels are compiled
 """
 
-from plateau.metric.compiled.percept import CompiledPercept
 from plateau.metric.compiled.predictor import CompiledVisibleDifferences
 
-__all__ = ["CompiledPercept", "CompiledVisibleDifferences"]
+__all__ = ["CompiledVisibleDifferences"]

@@ -32,7 +32,7 @@ copyright 2024 Graphics and Displays group; the licence is in ``ColorVideoVDP.LI
 from plateau.metric.cvvdp.display import DISPLAYS, Display, pixels_per_degree
 from plateau.metric.cvvdp.model import ColorVideoVDP, Quality, video_jod
 from plateau.metric.cvvdp.percept import LEAST_SIZE, Percept
-from plateau.metric.cvvdp.video import Video, mirrored
+from plateau.metric.cvvdp.video import mirrored
 
 __all__ = [
     "DISPLAYS",
@@ -41,7 +41,6 @@ __all__ = [
     "Display",
     "Percept",
     "Quality",
-    "Video",
     "mirrored",
     "pixels_per_degree",
     "video_jod",

@@ -16,90 +16,118 @@ if TYPE_CHECKING:
     from plateau.metric.vdp import Difference
 
 
-@dataclass(eq=False)
-class EarlierImages:
-    """Merged images of earlier evaluations by their spp, oldest first."""
-
-    _images: dict[int, Image] = field(default_factory=dict)
-
-    def __getitem__(self, spp: int) -> Image:
-        return self._images[spp]
-
-    @property
-    def spps(self) -> list[int]:
-        """Their samples per pixel, ascending."""
-        return list(self._images)
-
-    def require_before(self, evidence: Evidence) -> None:
-        """Raise ValueError unless this evaluation is later than all of them and of their size."""
-        if not self._images:
-            return
-        from plateau.metric.display import as_image
-
-        newest = self.spps[-1]
-        require_later(evidence.spp, newest)
-        ours, theirs = self._images[newest].shape[:2], as_image(evidence.image).shape[:2]
-        if ours != theirs:
-            raise ValueError(
-                f"an image of {theirs[1]}×{theirs[0]} pixels came after "
-                f"one of {ours[1]}×{ours[0]} pixels"
-            )
-
-    def add(self, evidence: Evidence) -> None:
-        """Keep the merged image of this evaluation."""
-        self._images[evidence.spp] = evidence.kept_image
-
-    def forget(self, spps: list[int]) -> None:
-        """Drop the images at these spp."""
-        for spp in spps:
-            del self._images[spp]
-
-    def memory(self) -> Memory:
-        """Return the images, each named by its spp."""
-        if not self._images:
-            return Memory()
-        spps: list[Json] = list(self.spps)
-        return Memory({"spp": spps}, {str(spp): image for spp, image in self._images.items()})
-
-    @classmethod
-    def of(cls, memory: Memory) -> EarlierImages | None:
-        """Return the images of a memory; None if it holds anything else."""
-        if not memory.numbers and not memory.images:
-            return cls()
-        from plateau.metric.display import as_image
-
-        match memory.numbers:
-            case {"spp": list(rows), **others} if not others:
-                spps = [row for row in rows if isinstance(row, int)]
-                ascending = spps == sorted(set(spps))
-                if len(spps) == len(rows) and ascending and {*map(str, spps)} == {*memory.images}:
-                    return cls({spp: as_image(memory.images[str(spp)]).copy() for spp in spps})
-        return None
-
-
 @dataclass(kw_only=True)
 class RuleOverEarlierImages(Rule):
     """A rule whose memory is merged images of earlier evaluations."""
 
-    _earlier: EarlierImages = field(
-        default_factory=EarlierImages, init=False, repr=False, compare=False
-    )
+    if TYPE_CHECKING:
+        threshold: float  #: of each such rule, in visible pixels at 512×512
+
+    #: By their samples per pixel, oldest first.
+    _images: dict[int, Image] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def memory(self) -> Memory:
-        """Return the earlier images that later verdicts need."""
-        return self._earlier.memory()
+        """Return the earlier images that later verdicts need, each named by its spp."""
+        if not self._images:
+            return Memory()
+        spps: list[Json] = list(self._images)
+        return Memory({"spp": spps}, {str(spp): image for spp, image in self._images.items()})
 
     def recall(self, memory: Memory) -> None:
         """Restore the images of an earlier rule with the same parameters."""
-        earlier = EarlierImages.of(memory)
-        if earlier is None:
+        from plateau.metric.display import as_image
+
+        rows = memory.numbers.get("spp")
+        spps = [row for row in rows if isinstance(row, int)] if isinstance(rows, list) else []
+        is_ours = memory.numbers in ({}, {"spp": spps}) and spps == sorted(set(spps))
+        if not is_ours or {*map(str, spps)} != {*memory.images}:
             raise ValueError(f"not a memory of the rule {self.name!r}")
-        self._earlier = earlier
+        self._images = {spp: as_image(memory.images[str(spp)]).copy() for spp in spps}
+
+    def _spps_before(self, evidence: Evidence) -> list[int]:
+        """Return the spp of the earlier images, ascending.
+
+        Raises ValueError unless this evaluation is later than all of them and of their size.
+        """
+        spps = list(self._images)
+        if spps:
+            from plateau.metric.display import as_image
+
+            require_later(evidence.spp, spps[-1])
+            ours, theirs = self._images[spps[-1]].shape[:2], as_image(evidence.image).shape[:2]
+            if ours != theirs:
+                raise ValueError(
+                    f"an image of {theirs[1]}×{theirs[0]} pixels came after "
+                    f"one of {ours[1]}×{ours[0]} pixels"
+                )
+        return spps
+
+    def _keep(self, evidence: Evidence, *, without: list[int]) -> None:
+        """Keep the merged image of this evaluation, and drop the images at these spp."""
+        self._images[evidence.spp] = evidence.kept_image
+        for spp in without:
+            del self._images[spp]
 
     def _difference(self, evidence: Evidence, spp: int) -> Difference:
         """Return the difference from the earlier image at `spp`."""
-        earlier = evidence.metric.percept(self._earlier[spp])
+        earlier = evidence.metric.percept(self._images[spp])
         return evidence.metric.compare(earlier, evidence.percept)
+
+    def _first_verdict(self, evidence: Evidence, words: str) -> Verdict:
+        """Return the verdict where there are too few earlier images yet; `words` is its reason."""
+        return Verdict(
+            stop=False,
+            value=None,
+            numbers={
+                "visible_pixels": None,
+                "visible_fraction": None,
+                "allowed_pixels": allowed_pixels(self.threshold, evidence.pixels),
+                "compared_spp": None,
+                "non_finite_pixels": None,
+            },
+            reason=words,
+        )
+
+    def _verdict_on(
+        self, evidence: Evidence, spp: int, difference: Difference, seen_from: str
+    ) -> Verdict:
+        """Return the verdict on the difference from an earlier image, by its visible pixels.
+
+        Parameters
+        ----------
+        evidence
+            The present evaluation.
+        spp
+            Samples per pixel of the earlier image.
+        difference
+            Between the two images.
+        seen_from
+            The reason's name for the earlier image.
+        """
+        visible = difference.finite_count
+        allowed = allowed_pixels(self.threshold, evidence.pixels)
+        stop = visible <= allowed
+        verb = "differs" if visible <= 1 else "differ"
+        aim = f"{'at most' if stop else 'more than'} {allowed:.4g}"
+        reason = f"{counted(visible)} {verb} visibly from {seen_from}, {aim}"
+        if visible == 0:
+            reason = f"{counted(visible)} {verb} visibly from {seen_from}"
+            dark = darkness(evidence)
+            if dark is not None:
+                reason += f": {dark}"
+        return Verdict(
+            stop=stop,
+            value=float(visible),
+            limit=allowed,
+            numbers={
+                "visible_pixels": float(visible),
+                "visible_fraction": visible / evidence.pixels,
+                "allowed_pixels": allowed,
+                "compared_spp": float(spp),
+                "non_finite_pixels": float(difference.non_finite),
+            },
+            reason=reason + left_out(difference.non_finite),
+        )
 
 
 def differing_pixels() -> float:
@@ -128,63 +156,3 @@ def allowed_pixels(threshold: float, pixels: int) -> float:
     (8.0, 1.0, 0.0)
     """
     return min(max(1.0, threshold * pixels / PAPER_PIXELS), float(pixels - 1))
-
-
-def first_verdict(evidence: Evidence, threshold: float, words: str) -> Verdict:
-    """Return the verdict of a rule that has too few earlier images yet; `words` is its reason."""
-    return Verdict(
-        stop=False,
-        value=None,
-        numbers={
-            "visible_pixels": None,
-            "visible_fraction": None,
-            "allowed_pixels": allowed_pixels(threshold, evidence.pixels),
-            "compared_spp": None,
-            "non_finite_pixels": None,
-        },
-        reason=words,
-    )
-
-
-def verdict_on(
-    evidence: Evidence, spp: int, difference: Difference, threshold: float, seen_from: str
-) -> Verdict:
-    """Return the verdict on the difference from an earlier image; the value is its visible pixels.
-
-    Parameters
-    ----------
-    evidence
-        The present evaluation.
-    spp
-        Samples per pixel of the earlier image.
-    difference
-        Between the two images.
-    threshold
-        In visible pixels at 512×512.
-    seen_from
-        The reason's name for the earlier image.
-    """
-    visible = difference.finite_count
-    allowed = allowed_pixels(threshold, evidence.pixels)
-    stop = visible <= allowed
-    verb = "differs" if visible <= 1 else "differ"
-    aim = f"{'at most' if stop else 'more than'} {allowed:.4g}"
-    reason = f"{counted(visible)} {verb} visibly from {seen_from}, {aim}"
-    if visible == 0:
-        reason = f"{counted(visible)} {verb} visibly from {seen_from}"
-        dark = darkness(evidence)
-        if dark is not None:
-            reason += f": {dark}"
-    return Verdict(
-        stop=stop,
-        value=float(visible),
-        limit=allowed,
-        numbers={
-            "visible_pixels": float(visible),
-            "visible_fraction": visible / evidence.pixels,
-            "allowed_pixels": allowed,
-            "compared_spp": float(spp),
-            "non_finite_pixels": float(difference.non_finite),
-        },
-        reason=reason + left_out(difference.non_finite),
-    )

@@ -5,13 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import (
-    RuleOverEarlierImages,
-    allowed_pixels,
-    differing_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.rules.earlier import RuleOverEarlierImages, allowed_pixels, differing_pixels
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
@@ -67,17 +61,15 @@ class Multiple(RuleOverEarlierImages):
         The value is the visible pixels against the first image above the threshold, or the most
         against any image if none is above it.
         """
-        self._earlier.require_before(evidence)
-        verdict = self._verdict(evidence)
-        self._earlier.add(evidence)
-        self._earlier.forget(self._earlier.spps[: -self.window])
+        spps = self._spps_before(evidence)
+        verdict = self._verdict(evidence, spps)
+        self._keep(evidence, without=[*spps, evidence.spp][: -self.window])
         return verdict
 
-    def _verdict(self, evidence: Evidence) -> Verdict:
-        spps = self._earlier.spps
+    def _verdict(self, evidence: Evidence, spps: list[int]) -> Verdict:
         if len(spps) < self.window:
             words = f"there are {len(spps)} of the {self.window} images of a window"
-            return first_verdict(evidence, self.threshold, words)
+            return self._first_verdict(evidence, words)
 
         allowed = allowed_pixels(self.threshold, evidence.pixels)
         seen: dict[int, Difference] = {}
@@ -89,4 +81,4 @@ class Multiple(RuleOverEarlierImages):
         which = f"the image at {worst} spp"
         if self.window > 1 and seen[worst].finite_count <= allowed:
             which = f"any of the last {self.window} images, {spps[0]} to {spps[-1]} spp"
-        return verdict_on(evidence, worst, seen[worst], self.threshold, which)
+        return self._verdict_on(evidence, worst, seen[worst], which)

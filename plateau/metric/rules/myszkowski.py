@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import (
-    RuleOverEarlierImages,
-    differing_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
@@ -66,16 +61,15 @@ class Myszkowski(RuleOverEarlierImages):
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the two images look alike; the value is the pixels that differ."""
-        self._earlier.require_before(evidence)
-        candidates = [spp for spp in self._earlier.spps if spp <= self.alpha * evidence.spp]
+        spps = self._spps_before(evidence)
+        candidates = [spp for spp in spps if spp <= self.alpha * evidence.spp]
         if candidates:
             spp = candidates[-1]
             difference = self._difference(evidence, spp)
             seen_from = f"the image at {spp} spp ({spp / evidence.spp:.2g} of them)"
-            verdict = verdict_on(evidence, spp, difference, self.threshold, seen_from)
+            verdict = self._verdict_on(evidence, spp, difference, seen_from)
         else:
             words = f"there is no image of {self.alpha:g} times {evidence.spp} spp or fewer"
-            verdict = first_verdict(evidence, self.threshold, words)
-        self._earlier.forget(candidates[:-1])
-        self._earlier.add(evidence)
+            verdict = self._first_verdict(evidence, words)
+        self._keep(evidence, without=candidates[:-1])
         return verdict

@@ -5,12 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.earlier import (
-    RuleOverEarlierImages,
-    differing_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.rules.earlier import RuleOverEarlierImages, differing_pixels
 
 if TYPE_CHECKING:
     from plateau.metric.rules.base import Verdict
@@ -50,15 +45,13 @@ class Successive(RuleOverEarlierImages):
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether nothing has changed; the value is the pixels that visibly changed."""
-        self._earlier.require_before(evidence)
-        before = self._earlier.spps
+        before = self._spps_before(evidence)
         if before:
             difference = self._difference(evidence, before[0])
             seen_from = f"the image at {before[0]} spp"
-            verdict = verdict_on(evidence, before[0], difference, self.threshold, seen_from)
+            verdict = self._verdict_on(evidence, before[0], difference, seen_from)
         else:
             words = f"the image at {evidence.spp} spp is the first; there is none before it"
-            verdict = first_verdict(evidence, self.threshold, words)
-        self._earlier.forget(before)
-        self._earlier.add(evidence)
+            verdict = self._first_verdict(evidence, words)
+        self._keep(evidence, without=before)
         return verdict

@@ -3,7 +3,8 @@
 from typing import IO
 
 from plateau.farm.process.child import read_part, serve
-from plateau.metric import blend_error, blended
+from plateau.metric import blended
+from plateau.metric.blend import blend_error
 from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import oidn
 

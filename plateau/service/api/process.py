@@ -6,7 +6,6 @@ import socket
 import ssl
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -49,33 +48,14 @@ class CannotListen(Exception):
     """The API may not, or cannot, listen on this address."""
 
 
-@dataclass(frozen=True)
-class Tls:
-    """The PEM files of a certificate chain and of its private key."""
-
-    certificate: Path
-    private_key: Path
-
-    def check(self) -> None:
-        """Raise `CannotListen` unless the two can be used together."""
-        try:
-            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
-                self.certificate, self.private_key
-            )
-        except OSError as error:
-            raise CannotListen(
-                f"the certificate {self.certificate} with the key {self.private_key} cannot be "
-                f"used: {error.strerror or error}"
-            ) from error
-
-
 def run(
     settings: Settings,
     *,
     host: str,
     port: int,
     open_to_all: bool,
-    tls: Tls | None,
+    certificate: Path | None,
+    private_key: Path | None,
     ready: Callable[[str], None],
 ) -> None:
     """Serve the API until SIGTERM or SIGINT.
@@ -88,8 +68,8 @@ def run(
         The address to listen on; port 0 takes a free one.
     open_to_all
         Demand no keys even if some exist; for loopback addresses only.
-    tls
-        The certificate for https; None for plain HTTP.
+    certificate, private_key
+        The PEM files of a certificate chain and of its key, for https; None for plain HTTP.
     ready
         Called with the API's URL once it answers.
 
@@ -108,8 +88,8 @@ def run(
     targets = read_targets(settings)
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
-    if tls is not None:
-        tls.check()
+    if certificate is not None:
+        _check_certificate(certificate, private_key)
     elif access is Access.KEYS:
         _LOG.warning("keys come over plain HTTP, which others on the network can read: %s", _TLS)
     listener = listen(host, port)
@@ -132,11 +112,22 @@ def run(
         limit_concurrency=most_connections(descriptors),
         backlog=backlog(descriptors),
         log_level=logging.WARNING,
-        ssl_certfile=None if tls is None else tls.certificate,
-        ssl_keyfile=None if tls is None else str(tls.private_key),
+        ssl_certfile=certificate,
+        ssl_keyfile=None if private_key is None else str(private_key),
     )
-    url = url_of(listener, "http" if tls is None else "https")
+    url = url_of(listener, "http" if certificate is None else "https")
     Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+
+
+def _check_certificate(certificate: Path, private_key: Path | None) -> None:
+    """Raise `CannotListen` unless the two can be used together."""
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, private_key)
+    except OSError as error:
+        raise CannotListen(
+            f"the certificate {certificate} with the key {private_key} cannot be "
+            f"used: {error.strerror or error}"
+        ) from error
 
 
 def spool_in(folder: Path) -> None:

@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,9 @@ from plateau.worker.supervisor import gpus
 
 #: The films of a slice: its first pass and its sum, in float32.
 _LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
+
+#: How many files stay where Dr.Jit keeps its kernels, of some 20 kB each; the oldest go first.
+_KERNELS: Final = 10_000
 
 #: A render takes every core for hours. Processes that answer people need little of one, but soon.
 #: Idle cores still go to the child.
@@ -43,6 +47,7 @@ def start_child(
     """Start a child that inherits the file of this descriptor for its films."""
     kernels = home / ".drjit"  # where Dr.Jit keeps them, and all that the child writes into
     kernels.mkdir(parents=True, exist_ok=True)
+    _forget_oldest(kernels)
     environment = plain_environment()
     if variant_named(variant).on_gpu:
         environment |= gpus.environment()
@@ -65,6 +70,17 @@ def start_child(
         prepare=_below_others,
         user_site=False,  # that home has no modules
     )
+
+
+def _forget_oldest(kernels: Path) -> None:
+    if len(paths := tuple(kernels.iterdir())) > _KERNELS:
+        ages = {}
+        for path in paths:
+            with suppress(OSError):  # another worker has removed it
+                ages[path] = path.lstat().st_mtime_ns
+        for path in sorted(ages, key=ages.__getitem__)[:-_KERNELS]:
+            with suppress(OSError):
+                path.unlink()
 
 
 def _below_others() -> None:

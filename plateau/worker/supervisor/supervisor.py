@@ -17,7 +17,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleError
 from plateau.farm.bundle.hashes import FileHashes
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable
+from plateau.farm.model.errors import CorruptBlob, FilesDiffer, StoreUnavailable, UnreadableJob
 from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec.shared import UnfitFilm
@@ -91,6 +91,7 @@ class Supervisor:
         self._reports = Reports(self._queue, stop)
         self._stop = stop
         self._rendering: Lease | None = None
+        self._turning = threading.Lock()  # so that a cancel hits no later slice
         self._pace = Pace()
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
         self._about = About(self.id, settings, choice.variants, tags, threads)
@@ -138,7 +139,7 @@ class Supervisor:
                 wait_s = min(idle.delay_s(), self._queue.look_again_s)
                 if lease is not None or new_work.wait(wait_s, self._stop):
                     idle.reset()
-            except (StoreUnavailable, OSError) as error:
+            except (StoreUnavailable, UnreadableJob, OSError) as error:
                 self._note(str(error))
                 self._stop.wait(backoff.delay_s())
                 continue
@@ -202,7 +203,8 @@ class Supervisor:
             self._reports.hand_back(lease, str(error), self._tried(started))
             return False
         finally:
-            self._rendering = None
+            with self._turning:
+                self._rendering = None
         return True
 
     def _tried(self, started: float) -> Tried:
@@ -267,7 +269,9 @@ class Supervisor:
         """Cancel a lost slice. Its scene is loaded to the end: the job's next one needs it, too."""
         with suppress(StoreUnavailable):  # the next heartbeat tries again
             if not self._host.is_loading or self._renewals.ended(lease.job_id):
-                self._host.cancel()
+                with self._turning:
+                    if lease is self._rendering:
+                        self._host.cancel()
 
     def _keep_alive(self, over: threading.Event) -> None:
         backoff = Backoff(_AGAIN_S, self._settings.heartbeat_s)
@@ -285,7 +289,7 @@ class Supervisor:
                 lost = self._renewals.heartbeat(
                     self._about.told(rendering, trouble, self._kinds.names()), leases
                 )
-                if rendering in lost and rendering is self._rendering:
+                if rendering in lost:
                     self._cancel(rendering)
                 backoff.reset()
             except StoreUnavailable as error:

@@ -142,18 +142,25 @@ class TestAnAnswerThatDoesNotSay:
             bucket.put("scenes/c", b"x")
 
 
-def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def hasty(bucket: Blobs, monkeypatch: pytest.MonkeyPatch) -> Blobs:
+    """The same one, which has a mark, with less patience: each knows what the other does."""
+    bucket.make_mark("ours")
     silence = timedelta(seconds=0.5)
     monkeypatch.setitem(TIMES, "read_timeout", silence)
     monkeypatch.setitem(RETRIES, "retry_timeout", silence)
-    bucket = Blobs("s3://bucket/plateau")
-    bucket.make_mark("ours")
+    hasty = Blobs(bucket.where)
+    hasty._place._gate = bucket._place._gate
+    return hasty
+
+
+def test_a_store_that_is_silent_is_given_up(server: OddS3, bucket: Blobs, hasty: Blobs) -> None:
     server.silent.set()
     started = time.monotonic()
     with pytest.raises(BlobsUnavailable, match="it does not answer"):
-        bucket.get("scenes/a")
+        hasty.get("scenes/a")
     with pytest.raises(BlobsUnavailable, match="it does not answer"):
-        bucket.put("scenes/a", b"x")
+        hasty.put("scenes/a", b"x")
     assert time.monotonic() - started < 120
     server.silent.clear()
     bucket.put("scenes/a", b"x")
@@ -161,17 +168,12 @@ def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.M
 
 
 def test_while_a_store_is_silent_only_one_waits_for_it(
-    server: OddS3, monkeypatch: pytest.MonkeyPatch
+    server: OddS3, bucket: Blobs, hasty: Blobs
 ) -> None:
-    silence = timedelta(seconds=6.0)
-    monkeypatch.setitem(TIMES, "read_timeout", silence)
-    monkeypatch.setitem(RETRIES, "retry_timeout", silence)
-    bucket = Blobs("s3://bucket/plateau")
-    bucket.make_mark("ours")
     server.silent.set()
     # Given one who has waited in vain
     with pytest.raises(BlobsUnavailable):
-        bucket.size("scenes/a")
+        hasty.size("scenes/a")
     # When many ask, then one waits, and finds out for all
     with ThreadPoolExecutor(8) as pool:
         asking = [pool.submit(bucket.size, "scenes/a") for _ in range(8)]

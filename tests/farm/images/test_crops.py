@@ -7,11 +7,7 @@ import OpenEXR
 import pytest
 
 from plateau.farm.images.crops import CROP, crop_header
-from plateau.farm.images.exr import (
-    decode_image,
-    decode_layers,
-    encode_layers,
-)
+from plateau.farm.images.exr import decode_image, decode_layers, encode_layers
 from plateau.farm.images.mattes import check_attributes
 
 PLANES = {

@@ -66,7 +66,7 @@ def test_a_film_that_lacks_guides_has_its_mattes():
     total = whole.add_part(total, film([(CUBE, 3), (BALL, 1)]), CHANNELS)
     image = whole.normalised(total)
     assert [image[name].item() for name in (*LAYERS[:4], "albedo.R")] == [
-        *(BALL, 0.625, CUBE, 0.375, 0.5),
+        *(BALL, 0.625, CUBE, 0.375, 0.5)
     ]
 
 

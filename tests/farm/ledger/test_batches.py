@@ -148,11 +148,7 @@ class TestAForecast:
         # Given a job of yesterday, which took a minute too
         early = NOW - timedelta(days=1)
         old = member(
-            0,
-            JobState.CONVERGED,
-            spp=600,
-            started_at=early,
-            ended_at=early + timedelta(seconds=60),
+            0, JobState.CONVERGED, spp=600, started_at=early, ended_at=early + timedelta(seconds=60)
         )
         members = [old, member(1, JobState.RENDERING, spp=600, expected_spp=900)]
         found = summarise("b", members, now=NOW).forecast_end_at

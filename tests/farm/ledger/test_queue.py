@@ -4,7 +4,7 @@ import pytest
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.model.errors import FenceLost
+from plateau.farm.model.errors import FenceLost, UnreadableJob
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.process.waits import Stop
@@ -66,6 +66,18 @@ def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: LedgerFarm) ->
     assert commit(slow, first) == "committed"
     assert commit(quick, second, blob="another") == "duplicate"
     assert quick.heartbeat({}, (second,)) == (second,)
+
+
+def test_a_worker_that_cannot_read_a_job_leaves_it_to_others(farm: LedgerFarm) -> None:
+    job, _ = farm.job()
+    spec = farm.client.hget(keys.job(job.id), "spec")
+    farm.client.hset(keys.job(job.id), "spec", spec.replace("reverse", "of-another-plateau"))
+    old, new = farm.worker("old"), farm.worker("new")
+    with pytest.raises(UnreadableJob, match=job.id):
+        lease(old)
+    assert old.lease(VARIANTS, None, in_turn=False) is None
+    farm.client.hset(keys.job(job.id), "spec", spec)
+    assert lease(new).tries == 1
 
 
 def test_a_worker_that_is_lost_before_any_commit_binds_nobody_to_its_variant(

@@ -409,7 +409,7 @@ HISTORIES = st.lists(
 
 
 @settings(
-    max_examples=2000 if WANTED else 40,
+    max_examples=2000 if WANTED else 15,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

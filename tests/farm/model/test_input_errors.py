@@ -52,11 +52,7 @@ WRONG: tuple[Any, ...] = (
         ("batch", "", "must not be empty"),
         ("batch", "x" * 101, "must have at most 100 characters"),
         ("batch", 1, "must be text"),
-        (
-            "variant",
-            "cuda",
-            f"must be auto, {', '.join(VARIANTS[:-1])} or {VARIANTS[-1]}",
-        ),
+        ("variant", "cuda", f"must be auto, {', '.join(VARIANTS[:-1])} or {VARIANTS[-1]}"),
         ("pool", "a b", input_errors.PATTERNS[PLACE]),
         ("requires", ("a",) * 17, "must have at most 16 entries"),
         ("view", {"background": (0.5,)}, "is missing"),

@@ -5,8 +5,7 @@ import os
 import select
 import signal
 import threading
-
-import pytest
+from contextlib import suppress
 
 from plateau.farm.process.waits import Backoff, Stop
 
@@ -31,7 +30,7 @@ def test_it_is_readable_once_it_is_set() -> None:
 
 
 def test_a_signal_handler_sets_it_in_whatever_its_own_thread_is() -> None:
-    for _ in range(250):
+    for _ in range(100):
         stop = Stop()
         signal.signal(signal.SIGPROF, lambda *_, stop=stop: stop.set())
         signal.setitimer(signal.ITIMER_PROF, 1e-5)
@@ -42,11 +41,11 @@ def test_a_signal_handler_sets_it_in_whatever_its_own_thread_is() -> None:
 def test_nothing_of_it_is_left_open() -> None:
     stop = Stop()
     descriptor = stop.fileno()
-    os.fstat(descriptor)
+    pipe = os.fstat(descriptor).st_ino
     del stop
     gc.collect()
-    with pytest.raises(OSError, match="Bad file descriptor"):
-        os.fstat(descriptor)
+    with suppress(OSError):  # unless it is another's by now
+        assert os.fstat(descriptor).st_ino != pipe
 
 
 def test_waits_double_up_to_the_longest_each_spread_by_half() -> None:

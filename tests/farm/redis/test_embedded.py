@@ -15,11 +15,11 @@ from tests.support.until import until
 
 def test_it_keeps_its_data_over_a_restart_and_a_kill(tmp_path: Path) -> None:
     first = EmbeddedRedis(tmp_path)
-    connect(first.url).set("a", "1")
+    connect(first.url, 120.0).set("a", "1")
     first.process.kill()
     first.stop()
     second = EmbeddedRedis(tmp_path)
-    client = connect(second.url)
+    client = connect(second.url, 120.0)
     assert client.get("a") == "1"
     assert client.config_get("append*")["appendfsync"] == "always"
     assert client.config_get("port") == {"port": "0"}  # nobody else can connect
@@ -32,12 +32,13 @@ def test_a_log_that_is_mostly_history_is_written_anew_at_the_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def log_bytes(server: EmbeddedRedis) -> int:
-        with connect(server.url) as client:
+        with connect(server.url, 120.0) as client:
             assert client.get("kept") == "x" * 1000
             return int(client.info("persistence")["aof_current_size"])
 
     server = EmbeddedRedis(tmp_path)
-    with connect(server.url) as client:
+    with connect(server.url, 120.0) as client:
+        client.config_set("appendfsync", "no")
         pipe = client.pipeline(transaction=False)
         for number in range(8000):
             pipe.set("kept", str(number % 10) * 1000)
@@ -64,7 +65,7 @@ def test_a_log_that_is_mostly_history_is_written_anew_at_the_start(
 
 def test_a_data_folder_with_a_long_path_will_do(tmp_path: Path) -> None:
     server = EmbeddedRedis(tmp_path / ("long" * 30))
-    assert connect(server.url).ping()
+    assert connect(server.url, 120.0).ping()
     server.stop()
 
 

@@ -21,13 +21,7 @@ from tests.support.redis.redis_commands import commands
 
 #: What differs by the time that passes between two looks.
 _CLOCKS: Final = {"seen_at", "at", "swept at", "next_sweep_at"}
-_SCORED_BY_TIME: Final = {
-    keys.WORKERS,
-    keys.MONITORS,
-    keys.LEASES,
-    keys.SCENES_USED,
-    keys.NOTICES,
-}
+_SCORED_BY_TIME: Final = {keys.WORKERS, keys.MONITORS, keys.LEASES, keys.SCENES_USED, keys.NOTICES}
 _TIMES: Final = {keys.HEARD, keys.API_KEYS_USED}
 
 

@@ -48,13 +48,14 @@ def test_a_connection_that_died_in_silence_is_given_up_and_made_anew(
 ) -> None:
     never = Stop()
     with RedisProxy(Path(redis_url.removeprefix("unix://"))) as proxy:
-        wake = Wake(connect(proxy.url), CHANNEL, quiet_s=0.3, answer_s=2.0)
+        wake = Wake(connect(proxy.url), CHANNEL, quiet_s=0.3, answer_s=60.0)
         assert wake.wait(1.0, never) == set()  # it is asked and answers
         proxy.fail("silent")
+        wake._answer_s = 1.0
         with pytest.raises(StoreUnavailable, match="says nothing any more"):
             wake.wait(30.0, never)
         # The network lets new connections through again; the old one it has forgotten
-        proxy.mood = "through"
+        proxy.mood, wake._answer_s = "through", 60.0
         assert wake.wait(1.0, never) == set()
         client.publish(CHANNEL, "heard again")
         assert wake.wait(30.0, never) == {"heard again"}
@@ -62,8 +63,9 @@ def test_a_connection_that_died_in_silence_is_given_up_and_made_anew(
 
 
 def test_who_did_not_listen_for_long_is_not_taken_for_deaf(client: redis.Redis) -> None:
-    wake, never = Wake(client, CHANNEL, quiet_s=0.1, answer_s=0.4), Stop()
+    wake, never = Wake(client, CHANNEL, quiet_s=0.1, answer_s=60.0), Stop()
     assert wake.wait(0.2, never) == set()  # it has asked
+    wake._answer_s = 0.4
     time.sleep(0.5)  # when something else was to be done
     client.publish(CHANNEL, "meanwhile")
     assert wake.wait(30.0, never) == {"meanwhile"}

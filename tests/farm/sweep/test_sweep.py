@@ -487,7 +487,7 @@ class TestScenes:
         threads = [threading.Thread(target=submit, args=(f"scene-{n}",)) for n in range(3)]
         for thread in threads:
             thread.start()
-        removed, deadline = 0, time.monotonic() + 120
+        removed, deadline = 0, time.monotonic() + 250
         while removed < 20 and time.monotonic() < deadline:
             removed += sweep(client, store, scenes_unused_for_s=0).scenes
         over.set()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Quarters, View, VisibleDifferences, create_rule
-from plateau.metric.standard_error import plain, squared_error
+from plateau.metric import Evidence, View, VisibleDifferences, create_rule
+from plateau.metric.standard_error import Quarters, plain, squared_error
 
 METRIC = VisibleDifferences(View())
 GREY = np.full((32, 32, 3), 0.4, np.float32)

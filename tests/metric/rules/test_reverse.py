@@ -7,7 +7,8 @@ no others, so any curve can be told as a story of images.
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Memory, VisibleDifferences
+from plateau.metric import Evidence, VisibleDifferences
+from plateau.metric.rules.base import Memory
 from plateau.metric.rules.reverse import Reverse
 from tests.support.images import PAPER
 

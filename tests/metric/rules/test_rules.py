@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, Half, Memory, VisibleDifferences, create_rule
+from plateau.metric import Evidence, Half, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.rules.base import Memory
 from plateau.metric.rules.fixed import Fixed
 from plateau.metric.rules.reverse import Reverse
 from plateau.rules import rules

@@ -8,7 +8,7 @@ import pytest
 import redis
 from playwright.sync_api import expect
 
-from plateau.metric import SAMPLES_PALETTE
+from plateau.metric.pictures import SAMPLES_PALETTE
 from tests.page.conftest import Visit, paired
 from tests.page.job.conftest import is_shown, png
 from tests.support.farms.finished_jobs import finished

@@ -75,13 +75,7 @@ def look_at(page: Page, client: Client, study_id: str, name: str, trials: range)
 
 @pytest.mark.long
 def test_a_known_threshold_comes_back(
-    visit: Visit,
-    url: str,
-    api: Client,
-    farm: NoiseFarm,
-    job: Job,
-    reference: Job,
-    tmp_path: Path,
+    visit: Visit, url: str, api: Client, farm: NoiseFarm, job: Job, reference: Job, tmp_path: Path
 ) -> None:
     # Given a study that is made of a job on its page
     visitor = visit(f"/jobs/{job.id}")

@@ -92,7 +92,7 @@ def test_events_go_on_after_the_api_was_restarted(
     heard: list[str] = []
     with listen("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
-    plateau = Client(f"http://127.0.0.1:{port}")
+    plateau = Client(f"http://127.0.0.1:{port}", patience_s=120)
     watcher = threading.Thread(
         target=lambda: heard.extend(event.type for event in plateau.events(job.id))
     )
@@ -105,7 +105,7 @@ def test_events_go_on_after_the_api_was_restarted(
     with live_api(redis_url, store, port=port):
         job.end()
         job.finish()
-        watcher.join(60)
+        watcher.join(120)
     # Then everything was heard once
     assert heard == ["state", "state", "slice", "point", "state", "image", "finished"]
     plateau.close()

@@ -110,7 +110,7 @@ def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
         gc = Command("gc", "--results-older-than", "0", folder=tmp_path)  # as a real command, once
         assert gc.exit_code() == 0, gc.said
         assert "Removed 4 blobs" in gc.said
-        with connect(up.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
+        with connect(up.wait_for(r"PLATEAU_REDIS_URL=(\S+)"), 120.0) as client:
             jobs = Jobs(client).search()[0]
             assert len(jobs) == 1
         up.process.send_signal(signal.SIGTERM)

@@ -4,9 +4,11 @@ import json
 import re
 import signal
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+import psutil
 import pytest
 import trustme
 from typer.testing import CliRunner
@@ -304,7 +306,8 @@ class TestAService:
         assert (job["state"], job["owner_name"]) == (JobState.CONVERGED, "me")
         # No process of the farm was given a key
         for process in up.family():
-            assert not {"PLATEAU_KEY", "PLATEAU_KEY_FILE"} & set(process.environ())
+            with suppress(psutil.NoSuchProcess):  # it has just ended
+                assert not {"PLATEAU_KEY", "PLATEAU_KEY_FILE"} & set(process.environ())
         up.process.send_signal(signal.SIGTERM)
         assert up.exit_code() == 0
         # Then no secret is in any log, in Redis's own files, in the blobs, or in what was said

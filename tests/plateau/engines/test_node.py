@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from plateau.engines import node as module
 from plateau.engines.blob_server import serving
 from plateau.engines.front import Front
 from plateau.farm.blobs.store import Blobs
@@ -20,13 +22,14 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.processes.commands import plateau
-from tests.support.processes.ports import free_ports
 from tests.support.until import until
 
-#: A node that is in a hurry.
+#: A node that looks often, and is in a hurry once it has a signal.
 PROGRAM = """
+import signal
 import plateau.engines.node as node
-node._SEEK_S, node._ASK_S, node.SILENCE_S = 0.5, 0.1, 1.0
+node._SEEK_S, node._ASK_S, node.SILENCE_S = 60.0, 0.1, 60.0
+signal.signal(signal.SIGUSR1, lambda *_: setattr(node, "SILENCE_S", 1.0))
 node.main()
 """
 Start = Callable[[Front], "subprocess.Popen[str]"]
@@ -86,6 +89,7 @@ def test_it_works_for_the_front_until_that_is_silent(
         (worker,) = until(lambda: Workers(client).living())
     family = psutil.Process(node.pid).children(recursive=True)
     server.stop()
+    node.send_signal(signal.SIGUSR1)
     _, said = node.communicate(timeout=120)
     assert "the machine of the run has been silent for 1 s: the run is over" in said
     _, alive = psutil.wait_procs(family, timeout=60)
@@ -93,19 +97,21 @@ def test_it_works_for_the_front_until_that_is_silent(
 
 
 def test_it_says_what_keeps_it_away_and_the_front_says_it_in_words(
-    front: Front, start: Start
+    front: Front, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    closed, other = free_ports(2)
-    cases = {
-        replace(front, secret="guessed"): (77, "what answers is not the Redis of this run"),
-        replace(front, redis_port=closed): (69, "tried 127.0.0.1 (Redis cannot be reached: "),
-        replace(front, blobs_port=other): (69, "tried 127.0.0.1 (the blob store failed: "),
-        replace(front, version="0.0.9"): (76, "the run is Plateau 0.0.9's"),
-    }
-    nodes = {start(case): (case, *expected) for case, expected in cases.items()}
-    for node, (case, code, words) in nodes.items():
-        _, said = node.communicate(timeout=120)
-        assert (node.returncode, words in said) == (code, True), said
+    monkeypatch.setattr(module, "_SEEK_S", 0.0)  # each address is tried once
+    monkeypatch.setattr(module, "_ANSWER_S", 60.0)
+    closed = 1  # no test listens at it
+    for case, code, words in (
+        (replace(front, secret="guessed"), 77, "what answers is not the Redis of this run"),
+        (replace(front, redis_port=closed), 69, "tried 127.0.0.1 (Redis cannot be reached: "),
+        (replace(front, blobs_port=closed), 69, "tried 127.0.0.1 (the blob store failed: "),
+        (replace(front, version="0.0.9"), 76, "the run is Plateau 0.0.9's"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            module._join(case)
+        said = capsys.readouterr().err
+        assert (ended.value.code, words in said) == (code, True), said
         assert "exit code" not in case.unfit(code, "python3")
     told = replace(front, redis_port=closed).unfit(69, "python3")
     assert f"nowhere.invalid:{closed}, 127.0.0.1:{closed}, and the port {front.blobs_port}" in told

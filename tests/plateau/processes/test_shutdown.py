@@ -13,7 +13,7 @@ from plateau.errors import ExitCode
 #: A process that takes its time, whatever it is asked.
 STUBBORN = """
 import sys, time
-from plateau.processes import shutdown as stopping
+from plateau.processes import process as stopping
 stopping.LIMIT_S = float(sys.argv[1])
 stop = stopping.StopSignals().asked
 print("ready", flush=True)

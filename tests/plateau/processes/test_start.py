@@ -21,20 +21,20 @@ STARTS = {
     "import plateau.rendering.own_farm": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
     "import plateau.metric, plateau.picture.diff": {"numba"},
     "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
-        *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS),
+        *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS)
     },
     "import plateau.processes.process, plateau.service.monitor.monitor": {
-        *("rich", "httpx", "fastapi", "matplotlib", *_RENDERERS),
+        *("rich", "httpx", "fastapi", "matplotlib", *_RENDERERS)
     },
     "import plateau.processes.standing, plateau.service.api.process": {
         *("rich", "numpy", "PIL", "OpenEXR", *_JUDGING, "numba", "httpx", "matplotlib"),
         *_RENDERERS,
     },
     "from plateau import Client": {
-        *("numpy", "fastapi", "pydantic_settings", "plateau.farm.ledger", *_FARMS),
+        *("numpy", "fastapi", "pydantic_settings", "plateau.farm.ledger", *_FARMS)
     },
     "import plateau.rendering.follow, plateau.rendering.outputs": {
-        *("numpy", "fastapi", "plateau.farm.ledger", *_FARMS),
+        *("numpy", "fastapi", "plateau.farm.ledger", *_FARMS)
     },
 }
 

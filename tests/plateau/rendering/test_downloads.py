@@ -108,11 +108,7 @@ def test_a_file_is_whole_though_the_service_broke_off_and_was_started_again(
 
 
 def test_a_service_that_always_breaks_off_is_not_asked_for_ever(tmp_path: Path) -> None:
-    with (
-        _always(HALF) as url,
-        Client(url, patience_s=0.5) as plateau,
-        pytest.raises(Unreachable),
-    ):
+    with _always(HALF) as url, Client(url, patience_s=0.5) as plateau, pytest.raises(Unreachable):
         plateau.download("0123456789ab", "image.exr", tmp_path / "image.exr")
     assert list(tmp_path.iterdir()) == []
 

@@ -79,11 +79,7 @@ def test_it_fits_the_room_that_it_has(columns: int, rows: int, points: int) -> N
 
 
 @pytest.mark.parametrize(
-    "points",
-    [
-        [point(100, 0.0, None)],
-        [point(100, 0.0, 0.0), point(200, 0.0, 0.0)],
-    ],
+    "points", [[point(100, 0.0, None)], [point(100, 0.0, 0.0), point(200, 0.0, 0.0)]]
 )
 def test_where_nothing_differs_it_says_so(points: list[CurvePoint]) -> None:
     assert drawn(points, target=None) == ["nothing differs visibly, so far"]

@@ -58,10 +58,10 @@ def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
     """Jobs that wait, render, are paused, have failed, and have converged with all results."""
     print(f"FUZZ_SEED={SEED}")
     queued, rendering, paused, failed, finished = (
-        StagedJob(client, keep_slices=True, batch="exposures") for _ in range(5)
+        StagedJob(client, keep_slices=True, batch="exposures", slice_spp=100) for _ in range(5)
     )
     for job in (rendering, paused, finished):
-        job.commit(8, said="WARN: unused parameter")
+        job.commit(2, said="WARN: unused parameter")
         api_store.put(job.slice_blob(0), PARTIAL)
         job.point(100, 0)
         job.point(200, 30, slope=0.25)

@@ -74,9 +74,7 @@ WAITS = {"spp": 100, "stop": True, "reason": "levelled off", "numbers": {}}
 
 #: One that may end, of which another monitor has the sums with which it waited, and no more.
 RESTORED = replace(
-    RECORDED,
-    answer=STOP,
-    job=frame({"denoise": {"name": "oidn"}}, waits=WAITS, answer=MAY_END),
+    RECORDED, answer=STOP, job=frame({"denoise": {"name": "oidn"}}, waits=WAITS, answer=MAY_END)
 )
 
 #: A job whose image is denoised.
@@ -220,10 +218,7 @@ CASES: list[tuple[Known, steps.Step]] = [
     (ended_denoised(merged=4, is_being_denoised=True, concluded=False), steps.Wait()),
     (ended_denoised(merged=4, spp=100, denoised=4, concluded=False), steps.JudgeImage()),
     (ended_denoised(merged=3, ledger=READ, concluded=False), steps.DenoiseImage()),
-    (
-        ended_denoised(merged=1, ledger=READ, concluded=False),
-        steps.ConcludeJob("merged", 25, ()),
-    ),
+    (ended_denoised(merged=1, ledger=READ, concluded=False), steps.ConcludeJob("merged", 25, ())),
     (ended(merged=4, judged=4, concluded=False, in_hand=1), steps.MergeSlice(4)),
     # It was cancelled while a point of its curve was due
     (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.JudgeImage()),
@@ -232,10 +227,7 @@ CASES: list[tuple[Known, steps.Step]] = [
     (ended(JobState.CONVERGED, spp=100, concluded=False), steps.ReadLedger(range(4))),
     (ended(JobState.FAILED, image_spp=25, concluded=False), steps.ReadLedger(range(1))),
     (ended(ledger=READ, concluded=False), steps.ConcludeJob("none", 0, ())),
-    (
-        ended(ledger=READ, concluded=False, image_spp=25, spp=25),
-        steps.ConcludeJob("shown", 25, ()),
-    ),
+    (ended(ledger=READ, concluded=False, image_spp=25, spp=25), steps.ConcludeJob("shown", 25, ())),
     # Its image was shown before its curve began
     (ended(ledger=READ, concluded=False, image_spp=25), steps.ConcludeJob("shown", 25, ())),
     (ended(ledger=READ, merged=3, concluded=False), steps.ConcludeJob("merged", 75, ())),
@@ -377,7 +369,7 @@ def happen(story: Story) -> DecidedJob:
     raise AssertionError(f"the job is {job.state.value} for good")
 
 
-MANY = settings(max_examples=2000 if WANTED else 150, deadline=None)
+MANY = settings(max_examples=2000 if WANTED else 60, deadline=None)
 
 
 @MANY

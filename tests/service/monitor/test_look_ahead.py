@@ -73,7 +73,7 @@ def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None
     gpu = {"pool": "night", "tags": ["gpu"]}
     for name, more in (("a", {}), ("b", {}), ("c", gpu), ("d", {"trouble": "the disk is full"})):
         SliceQueue(client, name, 60).heartbeat({**about(name), **more}, ())
-    crew = Crew(Workers(client).living())
+    crew = Crew(Workers(client).living(within_s=600))
     made = job()
 
     def ahead_of(**changes: object) -> int:

@@ -66,10 +66,7 @@ def test_only_one_of_many_monitors_sweeps_in_an_hour(
 
 
 def test_an_error_is_said_and_the_next_sweep_comes(
-    settings: Settings,
-    client: redis.Redis,
-    store: Blobs,
-    caplog: pytest.LogCaptureFixture,
+    settings: Settings, client: redis.Redis, store: Blobs, caplog: pytest.LogCaptureFixture
 ) -> None:
     finished_job(client, store)
     store.put(ORPHAN, b"x")

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.images.exr import (
-    decode_layers,
-)
+from plateau.farm.images.exr import decode_layers
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.slices.zones import Zone
 from plateau.farm.model.spec import JobSpec

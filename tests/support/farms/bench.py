@@ -20,16 +20,18 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.worker.supervisor.supervisor import Supervisor
-from plateau.worker.supervisor.variants import VariantChoice, probe
+from plateau.worker.supervisor.variants import VariantChoice
 from tests.support import FRAMES
 from tests.support.farms.ledger_farm import own
 from tests.support.processes.relatives import children_running
+from tests.support.variants import known_probe
 
 
 @cache
 def scalar() -> VariantChoice:
     """What a worker finds out at its start, without what it renders faster with."""
-    return VariantChoice("scalar_rgb", None, "asked for by the test", (probe("scalar_rgb", None),))
+    tried = (known_probe("scalar_rgb", None),)
+    return VariantChoice("scalar_rgb", None, "asked for by the test", tried)
 
 
 SCENE = """<scene version="3.0.0">

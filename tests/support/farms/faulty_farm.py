@@ -23,11 +23,7 @@ SPEC: dict[str, Any] = {
     "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
 }
 #: The same by zones, which do all that frames do, and decide the plan besides.
-BY_ZONES: dict[str, Any] = {
-    **SPEC,
-    "slice_spp": 10,
-    "allocation": {"name": "zones", "size": 16},
-}
+BY_ZONES: dict[str, Any] = {**SPEC, "slice_spp": 10, "allocation": {"name": "zones", "size": 16}}
 #: The same again, with half the points: enough for a fault in the middle, and for one at the end.
 BRIEF: dict[str, Any] = {**BY_ZONES, "rule": {"name": "reverse", "window": 3, "epsilon": 8.0}}
 

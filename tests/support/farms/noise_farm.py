@@ -44,11 +44,7 @@ def noise_film(index: int, spp: int, sigma: float) -> Pixels:
 
 @cache
 def ramp(
-    sigma: float,
-    aovs: tuple[str, ...] = (),
-    *,
-    alpha: bool = False,
-    size: tuple[int, int] = SIZE,
+    sigma: float, aovs: tuple[str, ...] = (), *, alpha: bool = False, size: tuple[int, int] = SIZE
 ) -> Picture:
     """What a farm's slices show: with AOVs, and with alpha."""
     height, width = size
@@ -79,7 +75,7 @@ class NoiseFarm:
     ) -> None:
         self.client, self.jobs = client, Jobs(client)
         self.store = Blobs(str(folder / "blobs"))
-        self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=5.0)
+        self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=60.0)
         self.queue = SliceQueue(client, "noise", 60)
         self.sigma = sigma
         self.alpha = alpha

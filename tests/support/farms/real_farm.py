@@ -20,7 +20,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
 from tests.support import FRAMES
-from tests.support.processes.forked import ForkServer
+from tests.support.processes.forked import FORKED, fork_server
 from tests.support.until import until
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
@@ -59,7 +59,7 @@ class Farm:
 class RealFarm(Farm):
     """Starts processes as a user would: ``python -m plateau …`` with settings by environment.
 
-    With a `server`, the same processes are forked.
+    They are forked from one that has imported Plateau, unless they are to be `plain`.
     """
 
     def __init__(
@@ -67,10 +67,11 @@ class RealFarm(Farm):
         folder: Path,
         cache: Path,
         blobs: Path | str | None = None,
-        server: ForkServer | None = None,
+        *,
+        plain: bool = False,
         **settings: str,
     ) -> None:
-        self._server = server
+        self._server = None if plain else fork_server()
         self.redis = self._start_redis(folder / "redis")
         self.environment = {
             **os.environ,
@@ -119,7 +120,7 @@ class RealFarm(Farm):
     ) -> subprocess.Popen[bytes]:
         told = {**self.environment, **environment}
         process: subprocess.Popen[bytes]
-        if self._server is not None and module == "plateau" and not inside:
+        if self._server is not None and module in FORKED and not inside:
             process = self._server.start(arguments, told, passed)
         else:
             command = [*inside, sys.executable, "-m", module, *arguments]

@@ -17,7 +17,7 @@ from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
-from plateau.metric import allowed_non_finite
+from plateau.metric.non_finite import allowed_non_finite
 from plateau.picture.previews import MOST as MOST_PREVIEWS
 from tests.support.farms.real_farm import Farm
 from tests.support.until import until

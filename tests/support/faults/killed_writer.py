@@ -1,9 +1,9 @@
-"""Writes a job's results into a folder of another, killed before each change that it makes there.
+"""Writes a job's results into a folder of another, killed before changes that it makes there.
 
-A process of its own, since it forks: ``python -m tests.support.faults.killed_writer URL ID
-FOLDER``. FOLDER has ``before``, the results of another job; they are copied to ``there``. Each line
-that is printed says, as JSON, what that has after one of the kills, and what it has when the job's
-results are then written once more.
+A process of its own, since it forks: ``python -m tests.support.faults.killed_writer URL ID FOLDER
+STRIDE``, killed before each STRIDE-th change. FOLDER has ``before``, the results of another job;
+they are copied to ``there``. Each line that is printed says, as JSON, what that has after one of
+the kills, and what it has when the job's results are then written once more.
 """
 
 import json
@@ -21,7 +21,7 @@ _CHANGES = {"open", "os.rename", "os.remove", "os.mkdir", "os.rmdir"}
 _O_WRITES = os.O_WRONLY | os.O_RDWR
 
 
-def main(url: str, job_id: str, folder: Path) -> None:
+def main(url: str, job_id: str, folder: Path, stride: int) -> None:
     step, ended = 0, False
     while not ended:
         there = folder / "there"
@@ -36,7 +36,7 @@ def main(url: str, job_id: str, folder: Path) -> None:
         killed = _content(there)
         _write(url, job_id, there)
         print(json.dumps({"killed": killed, "again": _content(there)}))
-        step += 1
+        step += stride
 
 
 def _write(url: str, job_id: str, folder: Path) -> None:
@@ -66,4 +66,4 @@ def _content(folder: Path) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], Path(sys.argv[3]))
+    main(sys.argv[1], sys.argv[2], Path(sys.argv[3]), int(sys.argv[4]))

@@ -9,13 +9,7 @@ import json
 
 import numpy as np
 
-from tests.support.images.quality_goldens import (
-    STILLS,
-    authors_model,
-    made,
-    rounded,
-    write_rows,
-)
+from tests.support.images.quality_goldens import STILLS, authors_model, made, rounded, write_rows
 
 VIDEOS = STILLS.with_name("videos.json")
 

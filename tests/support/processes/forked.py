@@ -1,7 +1,7 @@
 """Processes forked from one that has imported Plateau: real ones, which start a second sooner.
 
 They are `python -m plateau` but for that: with an environment, a session and signals of their own.
-What is tested of a start, of a hang or of a power loss takes plain processes.
+What is tested of a start or of a power loss takes plain processes.
 """
 
 import gc
@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +26,8 @@ _MODULES: Final = (
     *("plateau.service.api.process", "plateau.service.monitor.monitor"),
     "plateau.worker.supervisor.supervisor",
 )
+#: The modules whose main they can be.
+FORKED: Final = ("plateau", "tests.support.faults.stages")
 _MOST: Final = 1 << 17  #: bytes of a message: an environment
 
 
@@ -81,6 +84,17 @@ class ForkServer:
         assert self._process.wait(60) == 0
 
 
+@cache
+def fork_server() -> ForkServer | None:
+    """The one of this process, for farms whose starts nobody tests."""
+    return ForkServer() if sys.platform == "linux" else None
+
+
+def end_fork_server() -> None:
+    if fork_server.cache_info().currsize and (server := fork_server()):
+        server.stop()
+
+
 def _serve(connection: socket.socket) -> dict[str, Any] | None:
     """Answer until nobody can ask any more; in a forked process, return what it is to be."""
     arrange = die_with_parent(signal.SIGKILL)
@@ -118,6 +132,8 @@ def main() -> None:
         os.environ.clear()
         os.environ.update(asked["environment"])
         sys.argv = ["plateau", *asked["arguments"]]
+        if "STAGE" in os.environ:
+            import_module("tests.support.faults.stages").arm(json.loads(os.environ["STAGE"]))
         import_module("plateau.commands").main()
 
 

@@ -244,13 +244,7 @@ case("leave", World.heartbeat, lambda w, _: w.queue.leave())
 
 # What monitors write.
 
-case(
-    "renew",
-    World.job,
-    lambda w, _: w.owners.renew((w.owned,)),
-    set(),
-    writes_only_times=True,
-)
+case("renew", World.job, lambda w, _: w.owners.renew((w.owned,)), set(), writes_only_times=True)
 case("disown", World.job, lambda w, _: w.owners.disown((w.owned,)))
 case("plan", World.job, lambda w, _: w.owners.plan(w.owned, range(2, 6)))
 case(
@@ -337,12 +331,7 @@ case(
     lambda w, taken: w.outbox.settle(taken, "failed", "no", 60.0),
     False,
 )
-case(
-    "forget",
-    World.finished,
-    lambda w, job: w.run(Forget(job=job, finished_for_ms=0)),
-    "missing",
-)
+case("forget", World.finished, lambda w, job: w.run(Forget(job=job, finished_for_ms=0)), "missing")
 case(
     "drop_sums",
     World.finished,
@@ -467,9 +456,7 @@ case(
     lambda job: job.spec.priority == 7,
 )
 case(
-    "remember_scene",
-    nothing,
-    lambda w, _: SceneIndex(w.lossy).remember(SCENE, {"name": "box.xml"}),
+    "remember_scene", nothing, lambda w, _: SceneIndex(w.lossy).remember(SCENE, {"name": "box.xml"})
 )
 case("use_scene", nothing, lambda w, _: SceneIndex(w.lossy).use(SCENE))
 case("disuse_scene", World.scene_in_use, lambda w, _: SceneIndex(w.lossy).disuse(SCENE))

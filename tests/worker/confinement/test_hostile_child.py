@@ -13,11 +13,13 @@ from pathlib import Path
 from subprocess import PIPE
 
 import pytest
+from typer.testing import CliRunner
 
+from plateau.commands import app
 from plateau.farm.model.states import JobState
+from plateau.worker.supervisor import variants
 from tests.support.farms.real_farm import BOX, RealFarm
 from tests.support.faults import hostile_child
-from tests.support.processes.commands import Command
 from tests.support.until import until
 
 pytestmark = pytest.mark.skipif(
@@ -117,10 +119,13 @@ def test_a_child_that_was_taken_over_finds_every_way_shut(
     assert [one.name for one in (tmp_path / "data").iterdir()] == ["credentials"]
 
 
-def test_doctor_says_what_holds_here(tmp_path: Path) -> None:
-    command = Command("doctor", "--json", folder=tmp_path)
-    assert command.exit_code() == 0
-    checks = {one["name"]: one for one in json.loads(command.said)["checks"]}
+def test_doctor_says_what_holds_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(variants, "_candidates", lambda: [(variants.SCALAR, None)])
+    for name in ("PLATEAU_DATA", "PLATEAU_CACHE"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    doctor = CliRunner().invoke(app, ["doctor", "--json"])
+    assert doctor.exit_code == 0
+    checks = {one["name"]: one for one in json.loads(doctor.stdout)["checks"]}
     names = [f"a render child's {what}" for what in ("capabilities", "memory", "files")]
     assert all(checks[name]["ok"] for name in [*names, "a render child's system calls"])
     assert "Landlock, ABI" in checks["a render child's files"]["detail"]

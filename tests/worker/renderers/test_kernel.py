@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.long_tests import rare
+from tests.support.long_tests import WANTED, rare
 from tests.support.processes.mitsuba_process import (
     MitsubaProcess,
     add_clock,
@@ -101,9 +101,9 @@ CASES = {
 }
 
 #: The chance that a test fails without cause, over all of its values (Šidák's correction). It holds
-#: for normal statistics. Ours are Student's t of 94 degrees, whose chance is some ten times that.
-SIGNIFICANCE = 1e-4
-PASSES = 48
+#: for normal statistics. Ours are Student's t of 46 degrees, whose chance is some fifty times that.
+SIGNIFICANCE = 1e-5
+PASSES = 48 if WANTED else 24
 
 
 def _scene(folder: Path, **parts: str) -> Path:
@@ -283,10 +283,7 @@ class TestChannels:
         assert len(np.unique(film["id.shape"])) >= 3
 
     def test_a_scene_has_aovs_of_its_own(self, mitsuba, tmp_path):
-        loaded = mitsuba.load(
-            _scene(tmp_path, **CASES["AOVs and hidden lights"]),
-            aovs=("depth",),
-        )
+        loaded = mitsuba.load(_scene(tmp_path, **CASES["AOVs and hidden lights"]), aovs=("depth",))
         assert loaded.channels == (
             *("R", "G", "B", "W", "A", "far.T", "up.X", "up.Y", "up.Z", "which.I", "Z"),
         )

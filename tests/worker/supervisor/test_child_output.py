@@ -82,9 +82,7 @@ def log(bench: Bench, job_id: str) -> list[LogEntry]:
     return bench.jobs.log(job_id)
 
 
-def test_warnings_and_errors_stand_in_the_log_of_the_slice_at_which_they_came(
-    bench: Bench,
-) -> None:
+def test_warnings_and_errors_stand_in_the_log_of_the_slice_at_which_they_came(bench: Bench) -> None:
     job, _ = bench.job(slices=3, scene=WARNED_OF)
     wrong = WARNED_OF.replace('<bsdf type="diffuse"/>', '<bsdf type="nosuchplugin"/>')
     bad, _ = bench.job(slices=1, scene=wrong)

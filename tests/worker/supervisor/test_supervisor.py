@@ -58,8 +58,8 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     job, _ = bench.job(slices=3, seed=2)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
-        until(lambda: [one.slices_done for one in Workers(bench.client).living()] == [3])
-        assert [one.id for one in Workers(bench.client).living()] == [worker.id]
+        living = Workers(bench.client).living
+        until(lambda: [(one.id, one.slices_done) for one in living()] == [(worker.id, 3)])
     # The ledger has each slice, its seeds as the schedule has them, and who did it
     schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
     for index, record in bench.jobs.ledger(job.id).items():
@@ -89,10 +89,7 @@ BAD: dict[str, tuple[str, dict[str, object]]] = {
     "wrong": (PLAIN, {"parameters": {"wrong": 1}}),
     "no sensor 3": (PLAIN, {"sensor": 3}),
     "0": (PLAIN, {"parameters": {"size": 0}}),
-    "distinct seeds": (
-        PLAIN,
-        {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
-    ),
+    "distinct seeds": (PLAIN, {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000}),
     "the rule jod judges images of 4×4 pixels or more, and this one has 3×3": (
         PLAIN,
         {"parameters": {"size": 3}, "watch": [{"name": "jod"}]},
@@ -329,8 +326,8 @@ def test_a_variant_that_fails_here_costs_its_jobs_and_no_others(bench: Bench) ->
 def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
     """As Slurm and systemd send it: the child hears it too, and must not die of it first."""
     job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
-    with bench.worker():
-        until(render_children)
+    with bench.worker() as worker:
+        until(lambda: worker._rendering)
         child = the_child()
         until(lambda: child.cpu_times().user > 0.5)
         child.send_signal(signal.SIGTERM)

@@ -40,7 +40,7 @@ def test_what_waits_is_committed_before_the_worker_stops(client: redis.Redis, st
     for _ in range(3):
         job.plan()
         assert uploader.submit(rendered(lease_scalar(queue)), threading.Event())
-    uploader.close(30)
+    uploader.close(200)
     ledger = Jobs(client).ledger(job.id)
     assert sorted(ledger) == [0, 1, 2]
     assert sorted(store.names("")) == sorted(one["blob"] for one in ledger.values())
@@ -73,7 +73,7 @@ def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
     (picture,) = store.names("")
     # Then another is not kept, as after a second try of the slice
     uploader.show(glimpse)
-    uploader.close(30)
+    uploader.close(200)
     assert store.names("") == [picture]
 
 

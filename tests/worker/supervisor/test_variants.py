@@ -9,15 +9,8 @@ import pytest
 
 from plateau.worker.supervisor import gpus, variants
 from plateau.worker.supervisor.llvm_libraries import in_order_of_trial, version
-from plateau.worker.supervisor.variants import (
-    CUDA,
-    LLVM,
-    SCALAR,
-    VariantChoice,
-    choose,
-    probe,
-)
-from tests.support.variants import library_for
+from plateau.worker.supervisor.variants import CUDA, LLVM, SCALAR, VariantChoice, choose, probe
+from tests.support.variants import known_probe, library_for
 
 
 def _libraries(folder: Path, *names: str) -> list[Path]:
@@ -152,6 +145,12 @@ def broken_library(tmp_path, monkeypatch, no_driver):
     return library
 
 
+@pytest.fixture
+def tried_before(monkeypatch):
+    """What works was tried before, and is not tried again."""
+    monkeypatch.setattr(variants, "probe", known_probe)
+
+
 @pytest.fixture(scope="module")
 def made_once(tmp_path_factory) -> tuple[VariantChoice, Path, Path]:
     """A choice where there is but a library that fails, that library, and what is remembered."""
@@ -173,7 +172,9 @@ def first(tmp_path, monkeypatch, no_driver, made_once) -> VariantChoice:
 
 
 class TestChoice:
-    def test_without_libraries_it_is_scalar_and_says_so(self, tmp_path, monkeypatch, no_driver):
+    def test_without_libraries_it_is_scalar_and_says_so(
+        self, tmp_path, monkeypatch, no_driver, tried_before
+    ):
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
         choice = choose(tmp_path)
         assert choice.variant == SCALAR
@@ -190,7 +191,7 @@ class TestChoice:
 
     @pytest.mark.llvm
     def test_the_first_that_works_is_taken_and_the_rest_left(
-        self, tmp_path, monkeypatch, broken_library
+        self, tmp_path, monkeypatch, broken_library, tried_before
     ):
         good = library_for(LLVM)
         monkeypatch.setattr(
@@ -257,11 +258,13 @@ class TestMemory:
         file.write_text(json.dumps(content), encoding="utf-8")
         assert self._tried_again(choose(tmp_path / "cache"))
 
-    def test_a_folder_that_cannot_be_written_is_no_obstacle(self, tmp_path, broken_library):
+    def test_a_folder_that_cannot_be_written_is_no_obstacle(
+        self, tmp_path, broken_library, tried_before
+    ):
         (tmp_path / "file").write_text("in the way", encoding="utf-8")
         assert choose(tmp_path / "file").variant == SCALAR
 
-    def test_a_failure_of_the_moment_is_not_remembered(self, tmp_path, monkeypatch):
+    def test_a_failure_of_the_moment_is_not_remembered(self, tmp_path, monkeypatch, tried_before):
         # A GPU that is taken today may be free tomorrow.
         monkeypatch.setattr(gpus, "cuda_driver", lambda: Path("/libcuda"))
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())

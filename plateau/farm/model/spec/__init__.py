@@ -4,11 +4,10 @@ from plateau.farm.model.spec.job import (
     MAX_ENTRIES,
     BatchSpec,
     JobSpec,
-    Parameters,
     parameter_strings,
     stored_spec,
 )
-from plateau.farm.model.spec.parts import ExrSpec, ShotSpec
+from plateau.farm.model.spec.parts import ExrSpec
 from plateau.farm.model.spec.rule_specs import (
     FixedSpec,
     JodSpec,
@@ -23,12 +22,11 @@ from plateau.farm.model.spec.rule_specs import (
     SuccessiveSpec,
     VisibleSpec,
 )
-from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
+from plateau.farm.model.spec.shared import Priority, RenderVariant, SharedSpec
 from plateau.farm.model.spec.view import PLACES, ViewSpec
 
 __all__ = [
     "MAX_ENTRIES",
-    "MOST_S",
     "PLACES",
     "BatchSpec",
     "ExrSpec",
@@ -38,7 +36,6 @@ __all__ = [
     "MultipleSpec",
     "MyszkowskiSpec",
     "NoiseSpec",
-    "Parameters",
     "Priority",
     "PsnrSpec",
     "RelmseSpec",
@@ -47,9 +44,7 @@ __all__ = [
     "RmseSpec",
     "RuleSpec",
     "SharedSpec",
-    "ShotSpec",
     "SuccessiveSpec",
-    "Variant",
     "ViewSpec",
     "VisibleSpec",
     "parameter_strings",

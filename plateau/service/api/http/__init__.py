@@ -1,1 +1,1 @@
-"""HTTP as the API uses it: the server, connections, caching, headers and files."""
+"""HTTP as the API uses it: the server, connections, caching and headers."""

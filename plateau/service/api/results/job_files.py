@@ -8,7 +8,7 @@ from typing import Final
 from plateau.farm.blobs import names as blobs
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.wire import job_text
-from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.csv_text import curve_csv
 from plateau.farm.wire.curve_svg import STYLE, job_svg
 from plateau.farm.wire.views import job_view
 from plateau.picture import previews

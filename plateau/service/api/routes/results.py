@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
 from plateau.farm.wire import examples
-from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.csv_text import curve_csv
 from plateau.farm.wire.views import Curve, Happened
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.etags import (

@@ -1,4 +1,7 @@
-"""Stores the scene of a submission, once it is checked and within the key's quota."""
+"""Stores the scene of a submission, once it is checked and within the key's quota.
+
+It is checked with the values of each job that is to render it.
+"""
 
 import os
 import re
@@ -12,19 +15,27 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
 from plateau.farm.blobs import names as blob_names
-from plateau.farm.bundle import SceneSummary
+from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.bundle.hashes import sha256_of
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.renderers import variant_for
+from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems.spec_checks import check_film_sizes, check_size
 from plateau.service.api.scene_checks.pool import Check, Gone, TooManyChecks
-from plateau.service.api.scene_checks.process import CheckEnded
-from plateau.service.api.submission.checking import checked, different
+from plateau.service.api.scene_checks.process import CheckBudget, CheckEnded
 from plateau.service.api.submission.reading import Submission, submission
-from plateau.service.api.submission.scene_parts import Scene, ScenePath, opened, placed_file
+from plateau.service.api.submission.scene_parts import (
+    Scene,
+    ScenePath,
+    broken_scene,
+    opened,
+    placed_file,
+)
 
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
 
@@ -73,6 +84,46 @@ async def _checked_and_stored(
         raise Problem(problems.MADE_UP_LIST, name=LIST_NAME, code="entry-name")
     store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
     return await run_in_threadpool(store)
+
+
+async def checked(check: Check, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
+    """Check the file with the values of each entry; returns the summary with the first ones."""
+    entries = different(spec)
+    asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
+    try:
+        found = await check(file, asked)
+    except BundleError as error:
+        raise broken_scene(error) from error
+    if spec.shot is not None:
+        check_film_sizes(found.sizes, list(entries))
+    if found.summary is not None:
+        try:
+            summary = found.summary
+            variant = variant_for(spec.variant, summary.renderer, is_whole=summary.is_whole)
+        except ValueError as error:
+            raise Problem(problems.FOREIGN_VARIANT, error=error) from error
+    fields = iter(entries)
+    for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
+        one = entry.model_copy(update={"variant": variant})
+        check_size(one, width, height, next(fields) or "spec")
+    if found.error is not None:
+        raise broken_scene(found.error, next(fields)) from found.error
+    if len(found.sizes) < len(asked):
+        entries_checked = next(fields).rpartition(".")[2]
+        raise Problem(problems.SLOW_TO_CHECK, entries=entries_checked, seconds=CheckBudget.total_s)
+    assert found.summary is not None  # a spec has at least one entry
+    return found.summary
+
+
+def different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
+    """The spec of each job by the field with its values; of equal ones only the first."""
+    if isinstance(spec, JobSpec):
+        return {"": spec}
+    different: dict[frozenset[tuple[str, str]], tuple[str, JobSpec]] = {}
+    for index, one in enumerate(spec.job_specs("checked")):
+        values = frozenset(one.parameter_strings().items())
+        different.setdefault(values, (f"spec.parameters.{index}", one))
+    return dict(different.values())
 
 
 def _stored(

@@ -12,7 +12,8 @@ import numpy as np
 
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.process.child import read_part, serve
-from plateau.metric import BlendError, View
+from plateau.metric import View
+from plateau.metric.blend import BlendError
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.noise_model import NoiseModel, noise_model

@@ -21,7 +21,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.process.child import NoAnswer
 from plateau.farm.redis.commands.shots import Over
-from plateau.metric import SAMPLES_PALETTE, heat_map
+from plateau.metric.pictures import SAMPLES_PALETTE, heat_map
 from plateau.service.monitor.shots.process import FrameLost, Looked, Looking, LookTask
 
 _LOG = logging.getLogger(__name__)

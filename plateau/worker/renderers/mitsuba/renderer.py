@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import gc
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import drjit as dr
 import mitsuba as mi
@@ -14,7 +15,6 @@ import numpy as np
 from plateau.farm.model.slices.zones import pixels_of
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
-from plateau.worker.renderers.mitsuba.darkness import NO_EMITTER, why_black
 from plateau.worker.renderers.mitsuba.kernel import LANES_OF_DR_JIT, Kernel, share_out
 from plateau.worker.renderers.mitsuba.mitsuba_words import scene_errors
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, with_aovs
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
     from plateau.farm.model.slices.zones import Zone
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
+
+NO_EMITTER: Final = 'the scene has no emitter; add one, such as <emitter type="constant"/>'
+#: Rays of the camera that are looked at, along each axis of its film.
+_RAYS: Final = 8
 
 _CANARY = "canary.xml"
 _CANARY_SPP = 64
@@ -153,3 +157,36 @@ def _rendered(one: PreparedScene, spp: int, seed: int) -> NDArray[np.float32]:
     alpha = 3  # Mitsuba has it before W
     order = [0, 1, 2, alpha + 1, alpha] if one.channels.has_alpha else [0, 1, 2, alpha]
     return film[..., [*order, *(len(order) + index for index in one.channels.aovs)]]
+
+
+def why_black(scene: Any, sensor: Any) -> str:
+    """Return a note on an image without any light: why, as far as the scene shows it."""
+    why = "look whether the emitters are too weak, turned away, or hidden by a shape"
+    with suppress(Exception):  # a sensor or a shape of an unusual kind
+        if not scene.emitters():
+            why = NO_EMITTER
+        elif _sees_backs_alone(scene, sensor):
+            why = (
+                "all that the camera sees are backs of surfaces, which reflect nothing: it may be "
+                "inside a shape"
+            )
+    return f"the image is black, since no light arrived: {why}"
+
+
+def _sees_backs_alone(scene: Any, sensor: Any) -> bool:
+    places = (np.arange(_RAYS) + 0.5) / _RAYS
+    x, y = (axis.ravel() for axis in np.meshgrid(places, places))
+    if dr.is_jit_v(mi.Float):
+        return _of_backs(scene, sensor, mi.Point2f(x, y))
+    return all(_of_backs(scene, sensor, mi.Point2f(*place)) for place in zip(x, y, strict=True))
+
+
+def _of_backs(scene: Any, sensor: Any, places: Any) -> bool:
+    ray, _ = sensor.sample_ray(0.0, 0.5, places, mi.Point2f(0.5, 0.5))
+    found = scene.ray_intersect(ray)
+    if not dr.all(found.is_valid()):
+        return False
+    flags = mi.BSDFFlags
+    lit = int(flags.BackSide) | int(flags.Null) | int(flags.Transmission)
+    is_back = dr.dot(found.n, ray.d) > 0
+    return bool(dr.all(is_back & ((found.bsdf(ray).flags() & lit) == 0)))

@@ -48,10 +48,7 @@ def test_samples_go_to_zones_where_the_job_can_have_them(
 
 @pytest.mark.parametrize(
     ("wrong", "words"),
-    [
-        ({"seed": 4096}, "seed"),
-        ({"watch": [{"name": "jod"}]}, "may be named once"),
-    ],
+    [({"seed": 4096}, "seed"), ({"watch": [{"name": "jod"}]}, "may be named once")],
 )
 def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):

@@ -40,11 +40,7 @@ def unread(store: Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
 
 class TestAnImage:
     def test_is_not_read_for_who_has_it(
-        self,
-        http: httpx.Client,
-        job: StagedJob,
-        api_store: Blobs,
-        monkeypatch: pytest.MonkeyPatch,
+        self, http: httpx.Client, job: StagedJob, api_store: Blobs, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         paths = {name: f"/v1/jobs/{job.id}/{name}" for name in IMAGES}
         found = {name: http.get(path) for name, path in paths.items()}

@@ -58,10 +58,7 @@ def test_a_path_that_is_not_there_is_a_problem_and_a_page_for_who_looks(http: ht
             assert "without a slash at its end" in found["detail"]
     looks = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
     answer = http.get("/job/box", headers=looks)
-    assert (answer.status_code, answer.headers["content-type"]) == (
-        404,
-        "text/html; charset=utf-8",
-    )
+    assert (answer.status_code, answer.headers["content-type"]) == (404, "text/html; charset=utf-8")
     assert answer.headers["content-security-policy"]
     problem(http.get("/v1/job/box", headers=looks), 404, "unknown-path")
     problem(http.post("/job/box", headers=looks), 404, "unknown-path")

@@ -20,7 +20,8 @@ def calls() -> dict[str, ast.Call]:
     return {
         f"{path.relative_to(PACKAGE)}:{node.lineno}": node
         for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if re.search(r"(Problem|HTTPException)\(", text := path.read_text("utf-8"))
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id in {"Problem", "HTTPException"}

@@ -52,9 +52,7 @@ def pixels(farm: NoiseFarm, job: Job) -> bytes:
 
 
 #: A point that was taken over has its time, and speaks of the rules of its own job.
-OF_ITS_JOB = {
-    *("at", "rules", "expected_spp"),
-}
+OF_ITS_JOB = {*("at", "rules", "expected_spp")}
 
 
 def curve(farm: NoiseFarm, job: Job) -> list[dict[str, Any]]:

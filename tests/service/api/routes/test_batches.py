@@ -113,10 +113,7 @@ def test_a_summary_tells_how_far_it_is(http: httpx.Client, client: redis.Redis) 
     assert found["samples_saved"] == 800 * 32 * 24
     # It has begun with its first job, and ends with its last
     first = http.get(f"/v1/jobs/{done}").json()
-    assert (found["created_at"], found["started_at"]) == (
-        first["created_at"],
-        first["started_at"],
-    )
+    assert (found["created_at"], found["started_at"]) == (first["created_at"], first["started_at"])
     for job_id in (rendering, queued):
         last = http.post(f"/v1/jobs/{job_id}/cancel").json()
     assert http.get(batch["links"]["self"]).json()["ended_at"] == last["ended_at"]

@@ -110,10 +110,7 @@ def test_the_images_of_a_running_job_are_of_the_same_samples(
                 assert np.array_equal(encode_srgb(decode_image(archive.read("image.exr"))), shown)
                 spps.add(picture.info["plateau:spp"])
 
-    with (
-        live_http(redis_url, farm.store) as http,
-        ThreadPoolExecutor(1) as pool,
-    ):
+    with live_http(redis_url, farm.store) as http, ThreadPoolExecutor(1) as pool:
         looking = pool.submit(look, http)
         try:
             with farm.monitor():

@@ -25,7 +25,7 @@ from tests.support.scenes.bundles import scene, zipped
 from tests.support.until import until
 
 
-def dear(tags: int = 30) -> bytes:
+def dear(tags: int) -> bytes:
     """Some megabytes that take seconds: parameters put into so many attributes."""
     tag = " ".join(["<a", *(f'a{number}="$w"' for number in range(40_000)), "/>"])
     content = scene('<default name="w" value="1"/>', *[tag] * tags)
@@ -53,7 +53,7 @@ class TestTheProcess:
     def test_ends_the_check_of_a_client_that_has_gone(self, farm: RealFarm) -> None:
         # Given an upload whose check takes seconds
         pid = farm.processes[0].pid
-        content = dear()
+        content = dear(tags=60)
         body = (
             b'--edge\r\nContent-Disposition: form-data; name="scene"; filename="a.zip"\r\n\r\n'
             + content
@@ -112,11 +112,7 @@ def make() -> Iterator[Callable[..., SceneChecks]]:
 
 
 async def check(
-    checks: SceneChecks,
-    content: bytes,
-    *,
-    is_gone: IsGone = stays,
-    values: int = 1,
+    checks: SceneChecks, content: bytes, *, is_gone: IsGone = stays, values: int = 1
 ) -> Checked:
     """What is found in the upload with the same values so many times."""
     with tempfile.TemporaryFile() as file:
@@ -180,10 +176,9 @@ class TestATurn:
 
         async def story() -> None:
             # Given as many checks as there are slots, and as many more as may wait
-            content = dear()
+            contents = [dear(tags=100)] * 2 + [GOOD] * MOST_WAITING
             tasks = [
-                asyncio.create_task(check(checks, content, is_gone=is_gone))
-                for _ in range(2 + MOST_WAITING)
+                asyncio.create_task(check(checks, content, is_gone=is_gone)) for content in contents
             ]
             await asyncio.sleep(0)
             # When one more comes, it is refused

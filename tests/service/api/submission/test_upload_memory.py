@@ -57,7 +57,7 @@ def test_a_big_bundle_is_never_in_memory(tmp_path: Path, monkeypatch: pytest.Mon
     # Given a bundle of incompressible meshes, and an API that was used a little
     bundle = tmp_path / "big.zip"
     write_bundle(bundle, MEGABYTES)
-    with RealFarm(tmp_path, tmp_path / "cache") as farm:
+    with RealFarm(tmp_path, tmp_path / "cache", plain=True) as farm:
         job = farm.submit()
         farm.client.job(job.id)
         api = psutil.Process(farm.processes[0].pid)

@@ -64,15 +64,11 @@ class ShotFarm(NoiseFarm):
         assert found is not None
         return found
 
-    def fail(self, frame: str) -> bool:
-        """Fail this frame, as one whose scene cannot be rendered, once a slice of it is leased."""
-        lease = self.lease()
-        if lease is not None and lease.job_id == frame:
-            self.queue.fail(lease, "no texture of that name")
-            return True
-        if lease is not None:
+    def hold(self, frame: str) -> Lease:
+        """A slice of this frame, so that it cannot be done."""
+        while (lease := self.next_lease()).job_id != frame:
             self.commit(lease)
-        return False
+        return lease
 
     def is_over(self) -> bool:
         return all(self.jobs.get(frame).finished_at for frame in self.frames)
@@ -174,6 +170,7 @@ def test_a_monitor_that_holds_a_frame_keeps_nothing_of_it_in_memory(farm: ShotFa
     farm.submit_shot(frames=3)
     waiting = farm.frames[:-1]
     with farm.monitor() as monitor:
+        farm.hold(farm.frames[-1])
         farm.work(lambda: all(one.is_waiting for one in farm.record().frames[:-1]))
         until(lambda: not set(waiting) & monitor._runs.keys())
         assert farm.record().looks == 0
@@ -203,7 +200,7 @@ def test_a_shot_without_a_target_is_judged_and_holds_no_frame_for_more(farm: Sho
 def test_a_shot_that_misses_a_frame_is_not_judged(farm: ShotFarm) -> None:
     farm.submit_shot(frames=3)
     with farm.monitor():
-        until(lambda: farm.fail(farm.frames[2]))
+        farm.queue.fail(farm.hold(farm.frames[2]), "no texture of that name")
         farm.work(farm.is_over)
     done = [farm.jobs.get(frame) for frame in farm.frames]
     others = [job for place, job in enumerate(done) if place != 2]
@@ -241,8 +238,10 @@ def test_a_look_that_cannot_be_done_lets_the_frames_end_by_their_own_rules(
 def test_a_frame_that_is_cancelled_while_it_waits_ends_at_once(farm: ShotFarm) -> None:
     farm.submit_shot(frames=3, shot=EASY)
     with farm.monitor():
+        held = farm.hold(farm.frames[-1])
         farm.work(lambda: farm.record().frames[0].is_waiting)
         farm.jobs.cancel(farm.frames[0])
+        farm.commit(held)
         farm.work(farm.is_over)
     done = [farm.jobs.get(frame) for frame in farm.frames]
     assert [job.state for job in done] == [JobState.CANCELLED, *[JobState.CONVERGED] * 2]
