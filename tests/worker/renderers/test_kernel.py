@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.long_tests import WANTED, rare
+from tests.support.long_tests import rare
 from tests.support.processes.mitsuba_process import (
     MitsubaProcess,
     add_clock,
@@ -101,9 +101,9 @@ CASES = {
 }
 
 #: The chance that a test fails without cause, over all of its values (Šidák's correction). It holds
-#: for normal statistics. Ours are Student's t of 46 degrees, whose chance is some fifty times that.
-SIGNIFICANCE = 1e-5
-PASSES = 48 if WANTED else 24
+#: for normal statistics. Ours are Student's t of 94 degrees, whose chance is some ten times that.
+SIGNIFICANCE = 1e-4
+PASSES = 48
 
 
 def _scene(folder: Path, **parts: str) -> Path:
