@@ -111,6 +111,7 @@ def _serve(connection: socket.socket) -> dict[str, Any] | None:
                 os.close(descriptor)
         else:
             arrange()
+            threading.main_thread()._set_native_id()  # type: ignore[attr-defined]  # Python does not
             connection.close()
             for ours, theirs in zip(received, asked["passed"], strict=True):
                 os.dup2(ours, theirs)
