@@ -34,6 +34,8 @@ sys.modules.update(dict.fromkeys(("metric", "scenes", "service", "worker")))
 #: For Redis, which a busy disk stops. Plateau's processes ask again sooner, which no test does.
 _ANSWER_S = 120.0
 
+_COMPILING = pytest.StashKey[subprocess.Popen[bytes]]()
+
 #: Folders whose files take long: one that began last would end minutes after all others.
 _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")
 
@@ -67,10 +69,6 @@ def pytest_configure(config: pytest.Config) -> None:
     from tests.support.processes.forked import end_fork_server
     from tests.support.processes.own_processes import own_processes
 
-    if config.getoption("numprocesses", None):
-        # Once, before many tests wait for it: 25 s of a core, or one if they are there.
-        compiling = "from plateau.picture.judge import warm_up; warm_up()"
-        subprocess.run([sys.executable, "-c", compiling], check=True)
     stack = ExitStack()
     if "TESTS_CACHE" not in os.environ:  # shared by all processes of ``-n``, which inherit it
         # What was killed may still write into it at the end.
@@ -78,8 +76,18 @@ def pytest_configure(config: pytest.Config) -> None:
             folder = tempfile.TemporaryDirectory(prefix="tests-", ignore_cleanup_errors=True)
             os.environ[name] = stack.enter_context(folder)
     stack.enter_context(own_processes())
+    if config.getoption("numprocesses", None):
+        # Once, while others look for tests, and before many tests wait for it: 25 s of a core
+        compile_ = "from plateau.picture.judge import warm_up; warm_up()"
+        config.stash[_COMPILING] = subprocess.Popen([sys.executable, "-c", compile_])
     stack.callback(end_fork_server)
     config.add_cleanup(stack.close)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop(session: pytest.Session) -> None:
+    compiling = session.config.stash.get(_COMPILING, None)
+    assert compiling is None or compiling.wait() == 0
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

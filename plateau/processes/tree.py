@@ -12,6 +12,7 @@ from typing import Final, TextIO
 from plateau.errors import PlateauError
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.lifecycle import how_ended, shut_memory
+from plateau.farm.process.scratch import remove_left
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Backoff
 from plateau.farm.redis.embedded import EmbeddedRedis
@@ -167,6 +168,7 @@ class Tree:
                 time.sleep(_TICK_S)
             for member in ones:
                 member.kill()
+        remove_left()  # of a worker that was killed while it tried what works here
         self._members = []
         if self._api_pipe is not None:
             self._api_pipe.close()

@@ -54,7 +54,7 @@ def test_a_store_that_fails_for_longer_than_a_lease(
     heal: Callable[[LoopDisk], None],
 ) -> None:
     farm, disk = small_disk
-    for _ in range(3):
+    for _ in range(2):
         ended = True
         while ended:
             job = farm.submit_half_way(**BRIEF)

@@ -194,7 +194,7 @@ def _work(client: redis.Redis, url: str, folder: Path, worker: str, over: thread
 @pytest.mark.timeout(3600)
 @pytest.mark.long
 def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
-    with RealFarm(tmp_path, cache, PLATEAU_LEASE_S=str(LEASE_S)) as farm:
+    with RealFarm(tmp_path, cache, plain=True, PLATEAU_LEASE_S=str(LEASE_S)) as farm:
         farm.start("monitor")
         soak = Soak(farm, tmp_path)
         empty = soak.used_memory()

@@ -86,7 +86,7 @@ def test_a_way_to_redis_that_fails_for_longer_than_a_lease(
     remote: Remote, undisturbed: Outcome, mood: str
 ) -> None:
     farm, proxy = remote.farm, remote.proxy
-    for _ in range(3):
+    for _ in range(2):
         job = farm.submit_half_way(**BRIEF)
         proxy.fail(mood)
         time.sleep(LONGER_THAN_A_FAR_LEASE_S)

@@ -137,9 +137,9 @@ class SliceQueue:
         try:
             spec = stored_spec(found.spec).settled(found.variant)
         except ValueError as error:  # such as of a rule that is not installed here
-            unreadable = UnreadableJob(found.job, error)
-            self.hand_back(found, cause=str(unreadable), leaves_out=True)
-            raise unreadable from error
+            cause = str(UnreadableJob(found.job, error))
+            self.hand_back(found, cause=cause, leaves_out=True)
+            raise UnreadableJob(found.job, error) from error
         return Lease(
             job_id=found.job,
             entry=found.entry,

@@ -139,7 +139,10 @@ class Supervisor:
                 wait_s = min(idle.delay_s(), self._queue.look_again_s)
                 if lease is not None or new_work.wait(wait_s, self._stop):
                     idle.reset()
-            except (StoreUnavailable, UnreadableJob, OSError) as error:
+            except UnreadableJob as error:  # which others are offered now
+                self._note(str(error))
+                continue
+            except (StoreUnavailable, OSError) as error:
                 self._note(str(error))
                 self._stop.wait(backoff.delay_s())
                 continue

@@ -14,7 +14,8 @@ object of
 - ``clock_s``: by how many seconds its wall clock is ahead.
 
 The code under test knows nothing of it: the functions are wrapped from outside, the processes and
-the signals are real.
+the signals are real. In a forked process, a constant that another module imports by name has to be
+set there, too.
 """
 
 import contextlib

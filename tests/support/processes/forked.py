@@ -1,7 +1,7 @@
 """Processes forked from one that has imported Plateau: real ones, which start a second sooner.
 
 They are `python -m plateau` but for that: with an environment, a session and signals of their own.
-What is tested of a start or of a power loss takes plain processes.
+What is tested of a start, of memory or of a power loss takes plain processes.
 """
 
 import gc
@@ -64,7 +64,9 @@ class ForkServer:
         with theirs:
             command = [sys.executable, "-m", __name__, str(theirs.fileno())]
             passed = [theirs.fileno()]
-            self._process = subprocess.Popen(command, pass_fds=passed, start_new_session=True)
+            self._process = subprocess.Popen(
+                command, pass_fds=passed, start_new_session=True, cwd=Path(__file__).parents[3]
+            )
 
     def start(
         self, arguments: tuple[str, ...], environment: dict[str, str], passed: tuple[int, ...]

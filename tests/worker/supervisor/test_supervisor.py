@@ -323,6 +323,17 @@ def test_a_variant_that_fails_here_costs_its_jobs_and_no_others(bench: Bench) ->
     assert "llvm_ad_rgb renders nothing here" in str(returned.cause)
 
 
+def test_jobs_that_it_cannot_read_hold_it_up_for_no_time(bench: Bench) -> None:
+    for _ in range(20):
+        job, _ = bench.job(slices=1, variant="scalar_rgb")
+        spec = bench.client.hget(keys.job(job.id), "spec")
+        bench.client.hset(keys.job(job.id), "spec", spec.replace("visible", "of-another-plateau"))
+    good, _ = bench.job(slices=1, variant="scalar_rgb")
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(good.id)) == 1)
+        until(lambda: [len(one.left_out_of) for one in Workers(bench.client).living()] == [20])
+
+
 def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
     """As Slurm and systemd send it: the child hears it too, and must not die of it first."""
     job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)

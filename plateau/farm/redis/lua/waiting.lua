@@ -78,7 +78,7 @@ function Waiting.left_out_of(worker)
   return jobs
 end
 
--- A worker is left out of a job from now on: slices of it died there, or it does not see the scene's files.
+-- A worker is left out of a job from now on: slices of it died there, or it cannot read its spec or files.
 function Waiting.leave_out(worker, id)
   local jobs, text = Waiting.left_out_of(worker), {}
   jobs[id] = string.format('%.0f', now() + LEFT_OUT_MS)
