@@ -12,11 +12,10 @@ from playwright.sync_api import Page, expect
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
-from plateau.farm.redis import keys as redis_keys
 from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
 from tests.page.conftest import Visit
-from tests.support.farms.ledger_farm import about
+from tests.support.farms.ledger_farm import about, live_on
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.staged_job import StagedJob
@@ -104,7 +103,7 @@ def test_a_viewer_is_offered_what_it_may(
     # Workers are looked at
     page.goto("/workers")
     SliceQueue(client, "w-1", 3600).heartbeat({**about("w-1"), "job": job.id, "slice": 3}, ())
-    client.zadd(redis_keys.WORKERS, {"w-1": 9e15})  # heard in the future: it lives on
+    live_on(client, "w-1")
     expect(page.locator('[data-worker="w-1"]')).to_be_visible()
     expect(page.locator("main").get_by_role("button")).to_have_count(0)
 

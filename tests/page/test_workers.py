@@ -7,7 +7,7 @@ from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis import keys
 from tests.page.conftest import Visit
-from tests.support.farms.ledger_farm import about
+from tests.support.farms.ledger_farm import about, live_on
 from tests.support.farms.noise_farm import NoiseFarm
 
 MACHINE = {
@@ -31,7 +31,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     SliceQueue(client, "w-1", 60).heartbeat(busy, ())
     error = {"last_error": "slice 2: <b>SIGSEGV</b>"}
     SliceQueue(client, "w-2", 60).heartbeat({**about("w-2"), **error}, ())
-    client.zadd(keys.WORKERS, {"w-1": 9e15, "w-2": 9e15})  # heard in the future: they live on
+    live_on(client, "w-1", "w-2")
     first, second = page.locator('[data-worker="w-1"]'), page.locator('[data-worker="w-2"]')
     expect(first).to_contain_text("box, slice 3")
     expect(first).to_contain_text("2.5 M")

@@ -28,7 +28,7 @@ from plateau.farm.redis.commands.slices import (
     Offer,
 )
 from plateau.farm.redis.link import unavailable_as_farm_error
-from plateau.farm.redis.scripts import Scripts
+from plateau.farm.redis.scripts import OnRedis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class SliceRecord(BaseModel):
     render_s: float
 
 
-class SliceQueue:
+class SliceQueue(OnRedis):
     """The slices of all jobs, for one worker. Methods raise `StoreUnavailable`.
 
     Parameters
@@ -90,8 +90,7 @@ class SliceQueue:
         tags: tuple[str, ...] = (),
         threads: int = 1,
     ) -> None:
-        self._redis = client
-        self._scripts = Scripts(client)
+        super().__init__(client)
         self._worker = worker_id
         self._lease_ms = round(lease_s * 1000)
         self._pool, self._tags = pool, tags

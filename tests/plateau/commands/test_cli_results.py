@@ -21,7 +21,7 @@ from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.wire.job_text import share_of
 from plateau.service.api.process import listen
-from tests.support.farms.ledger_farm import about
+from tests.support.farms.ledger_farm import about, live_on
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import plateau
 from tests.support.scenes.bundles import scene
@@ -171,7 +171,7 @@ class TestFarm:
 
     def test_a_worker_is_drained(self, client: redis.Redis) -> None:
         SliceQueue(client, "w-1", 60).heartbeat(about("w-1"), ())
-        client.zadd(keys.WORKERS, {"w-1": 9e15})  # heard in the future: it lives on
+        live_on(client, "w-1")
         assert plateau("drain", "w-1") == (0, "w-1 drained\n", "")
         assert json.loads(plateau("drain", "w-1", "--json")[1])["drained"]
         assert plateau("drain", "w-1", "--undo") == (0, "w-1 takes slices\n", "")

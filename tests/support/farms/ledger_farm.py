@@ -48,6 +48,11 @@ def runs_out(client: redis.Redis, held: Lease) -> None:
     client.zadd(keys.WORKERS, {at: 1}, xx=True)
 
 
+def live_on(client: redis.Redis, *workers: str) -> None:
+    """The workers were heard in the future, so that no stall makes them dead."""
+    client.zadd(keys.WORKERS, dict.fromkeys(workers, 9e15))
+
+
 def own(owners: Ownerships, job_id: str) -> Ownership:
     """The job becomes this monitor's: it is no other's."""
     owned = owners.acquire(job_id)

@@ -10,7 +10,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support.api_calls import problem
-from tests.support.farms.ledger_farm import about, own
+from tests.support.farms.ledger_farm import about, live_on, own
 
 
 def test_demand_is_counted_for_the_variants_of_a_pool(
@@ -71,7 +71,7 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     SliceQueue(client, "w-0", 60).heartbeat({**about("w-0"), **fits, "tags": []}, ())
     assert waits_for() == {words}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **fits}, ())
-    client.zadd(keys.WORKERS, {"w-1": 9e15})  # heard in the future: it lives on
+    live_on(client, "w-1")
     assert (waits_for(), unserved()) == ({None}, "plateau_jobs_unserved 0.0")
     assert queued(made.json()["id"]) == [(1, 1)] * 2
     shown = {one["id"]: one for one in http.get("/v1/workers").json()["workers"]}["w-1"]

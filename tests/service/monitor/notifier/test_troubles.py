@@ -21,7 +21,7 @@ from plateau.service.monitor.notifier import troubles as module
 from plateau.service.monitor.notifier.troubles import Teller, telling_troubles
 from plateau.service.notices.targets import BadTargets, Targets, read_targets
 from tests.service.monitor.notifier.test_notes import by_json, told
-from tests.support.farms.ledger_farm import about
+from tests.support.farms.ledger_farm import about, live_on
 from tests.support.farms.receiver import OK, Receiver, receiving
 from tests.support.threads import working
 from tests.support.until import until
@@ -40,7 +40,7 @@ def texts(receiver: Receiver) -> list[str]:
 def lives(client: redis.Redis, name: str = "noise", **more: Any) -> None:
     described = {**about(name), "variants": ("scalar_rgb",), **more}
     SliceQueue(client, name, 60).heartbeat(described, ())
-    client.zadd(keys.WORKERS, {name: 9e15})  # heard in the future: it lives on
+    live_on(client, name)
 
 
 def test_each_trouble_is_told_once_until_it_is_over(
