@@ -1,5 +1,6 @@
 """What most tests need: a real Redis, empty, and a blob store, empty."""
 
+import functools
 import logging
 import os
 import random
@@ -11,9 +12,11 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 import redis
+import typer.testing
 from hypothesis import settings
 
 from plateau.farm.blobs.store import Blobs
@@ -30,6 +33,17 @@ pytest.register_assert_rewrite("tests.support", "tests.soak")
 # The repository is on sys.path. Its links into the package could be imported by their own names,
 # and a module would be loaded a second time. None makes Python refuse that.
 sys.modules.update(dict.fromkeys(("metric", "scenes", "service", "worker")))
+
+
+@functools.cache
+def _built(app: typer.Typer, _commands: int, _groups: int) -> Any:
+    return typer.main.get_command(app)
+
+
+# Each invocation would build all commands anew.
+typer.testing._get_command = lambda app: _built(
+    app, len(app.registered_commands), len(app.registered_groups)
+)
 
 #: For Redis, which a busy disk stops. Plateau's processes ask again sooner, which no test does.
 _ANSWER_S = 120.0

@@ -89,7 +89,7 @@ class JobCalls(Calls):
             changes["after"] = [job_or_batch(one, self._transport.whole_id) for one in after]
         headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
         path = f"/v1/jobs/{job_id}/again"
-        return self._transport.ask(JobView, "POST", path, headers=headers, json=changes)
+        return self._transport.make(JobView, path, headers=headers, json=changes)
 
     def whole_id(self, job_id: str) -> str:
         """The whole id of a job, by its first letters, at least four; a whole one unchanged.

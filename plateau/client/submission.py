@@ -49,16 +49,14 @@ def submitted(
     """
     headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
     parts: dict[str, Any] = {"spec": (None, request)}
-    patience: dict[str, Any] = {}
     with ExitStack() as stack:
         if isinstance(scene, str) and _SHA256.fullmatch(scene):
             parts["scene_sha256"] = (None, scene)
         elif isinstance(scene, str | os.PathLike) and _IN_ROOT.match(str(scene)):
             parts["scene_path"] = (None, str(scene))
-            patience = {"timeout": transport.long_timeout}
         else:
             path = stack.enter_context(scene_file(scene))
             packed = stack.enter_context(pack(path, *values))
             # httpx rewinds it each time
             parts["scene"] = (packed.name, packed.file, packed.media_type)
-        return transport.ask(kind, "POST", "/v1/jobs", headers=headers, files=parts, **patience)
+        return transport.make(kind, "/v1/jobs", headers=headers, files=parts)

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import socket
 import ssl
 import time
 from collections.abc import Callable, Iterator
@@ -28,7 +29,13 @@ _LONGEST_WAIT_S: Final = 5.0
 _CONNECT_S: Final = 5.0
 #: Longest time for the service to accept a part of an upload.
 _WRITE_S: Final = 120.0
-_READING_S: Final = 4 * 3600.0  #: how long a service may read the files of a scene
+#: How long a service may read, check and store a scene.
+_MAKING_S: Final = 4 * 3600.0
+#: Notices in two minutes that the other machine is gone, see tcp(7).
+_KEEP_ALIVE: Final = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, getattr(socket, "TCP_KEEPIDLE", 0x10), 60),
+)
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
 _AWAY: Final = frozenset({429, 502, 503, 504})
@@ -84,16 +91,18 @@ class Transport:
         self.once_heard_s = once_heard_s
         self._is_heard = False
         timeout = httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S), write=_WRITE_S)
-        #: for a request that has the service read large files
-        self.long_timeout = httpx.Timeout(_READING_S, connect=timeout.connect)
+        self._long_timeout = httpx.Timeout(_MAKING_S, connect=timeout.connect, write=_WRITE_S)
         # No proxy of the environment: the service is on this machine or at the end of a tunnel.
         self._http = httpx.Client(
             base_url=self.url,
             timeout=timeout,
             trust_env=False,
-            limits=httpx.Limits(max_connections=None),  # a data set has a stream for each job
             headers=_authorization(key),
-            verify=_trusted(self.url),
+            transport=httpx.HTTPTransport(
+                verify=_trusted(self.url),
+                limits=httpx.Limits(max_connections=None),  # a data set has a stream for each job
+                socket_options=_KEEP_ALIVE,
+            ),
             event_hooks={"response": [self._heard]},
         )
 
@@ -127,6 +136,10 @@ class Transport:
             return kind.model_validate_json(answer.content)
         except ValidationError as error:
             raise NotPlateau(self.url, f"its {kind.__name__} cannot be read") from error
+
+    def make(self, kind: type[Model], path: str, **arguments: Any) -> Model:
+        """The answer to a POST that makes a job, as `ask` parses it: a large scene takes long."""
+        return self.ask(kind, "POST", path, timeout=self._long_timeout, **arguments)
 
     def send(self, method: str, path: str, **arguments: Any) -> httpx.Response:
         """The answer to a request, which is repeated while the service is away.
@@ -226,7 +239,7 @@ def _trusted(url: str) -> ssl.SSLContext | bool:
 
     Plain HTTP needs none, since redirects are not followed; to read them would take 40 ms.
     """
-    return ssl.create_default_context() if url.startswith("https:") else False
+    return ssl.create_default_context() if httpx.URL(url).scheme == "https" else False
 
 
 def _plain(value: Any) -> Any:

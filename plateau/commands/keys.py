@@ -56,12 +56,13 @@ def create(
         typer.Option(
             help="Largest scene that it may upload, in GB.",
             show_default="PLATEAU_MAX_UPLOAD_GB",
+            min=0,
             max=2**20,
         ),
     ] = None,
     scenes_gb: Annotated[
         float,
-        typer.Option(help="Total size of the scenes that it may store, in GB.", max=2**30),
+        typer.Option(help="Total size of the scenes that it may store, in GB.", min=0, max=2**30),
     ] = 50.0,
     open_jobs: Annotated[int, typer.Option(help="Jobs that it may have open at once.")] = 10_000,
     key_from: Annotated[

@@ -5,9 +5,10 @@ So nodes need no disk in common with the command's machine.
 
 import hmac
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import chain
 from threading import Thread
 from typing import Final
 from urllib.parse import unquote
@@ -46,34 +47,44 @@ class _Request(BaseHTTPRequestHandler):
             self._send(403)
             return
         try:
-            self._do(unquote(self.path[1:]), self.server.blobs)
+            size, chunks = self._done(unquote(self.path[1:]), self.server.blobs)
         except (FileNotFoundError, ValueError):  # the latter: this is no name of a blob
             self._send(404)
         except BlobsUnavailable as error:  # the disk is full
-            self._send(507, str(error).encode())
+            why = str(error).encode()
+            self._send(507, len(why), [why])
+        else:
+            self._send(200, size, chunks)
 
     do_HEAD = do_PUT = do_DELETE = do_GET  # noqa: N815
 
-    def _do(self, name: str, blobs: Blobs) -> None:
-        size = None
+    def _done(self, name: str, blobs: Blobs) -> tuple[int, Iterable[bytes]]:
+        """Do what is asked; returns the length of the answer's body, and its parts if it has any.
+
+        So a scene of gigabytes that many nodes fetch at once is in no memory.
+        """
         if self.command == "PUT":
             blobs.put(name, self.rfile.read(int(self.headers["Content-Length"])))
-        elif self.command == "DELETE":
+            return 0, ()
+        if self.command == "DELETE":
             blobs.delete(name)
-        elif self.command == "HEAD":
-            size = blobs.size(name)
-            if size is None:
-                raise FileNotFoundError
-        self._send(200, blobs.get(name) if self.command == "GET" else b"", size=size)
+            return 0, ()
+        size = blobs.size(name)
+        if size is None:
+            raise FileNotFoundError
+        if self.command == "HEAD":
+            return size, ()
+        chunks = blobs.chunks(name)
+        return size, chain([next(chunks, b"")], chunks)  # once it is open, it may be deleted
 
-    def _send(self, status: int, body: bytes = b"", *, size: int | None = None) -> None:
+    def _send(self, status: int, size: int = 0, body: Iterable[bytes] = ()) -> None:
         self.send_response(status)
-        self.send_header("Content-Length", str(len(body) if size is None else size))
+        self.send_header("Content-Length", str(size))
         self.send_header("Last-Modified", self.date_time_string())  # the client wants one
         self.send_header("ETag", '"blob"')  # and this: a blob never changes
         self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
+        for chunk in body:
+            self.wfile.write(chunk)
 
     def log_message(self, *_: object) -> None:
         """Log nothing: the nodes log what fails."""

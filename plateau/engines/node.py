@@ -21,7 +21,7 @@ from plateau.errors import CommandFailed, ExitCode, tell
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
 from plateau.farm.model.errors import StoreUnavailable, WrongPassword
-from plateau.farm.redis.link import connect, ping
+from plateau.farm.redis.link import connect
 from plateau.processes.process import run_until_signal, when_checked
 from plateau.worker.supervisor.supervisor import run
 
@@ -85,7 +85,7 @@ def _reached(front: Front) -> str:
 def _try(front: Front, host: str) -> None:
     """Return if Redis and the blobs answer at this host; raise `StoreUnavailable` otherwise."""
     with connect(front.redis_url(host), _ANSWER_S) as client:
-        ping(client)
+        client.ping()
     Blobs(front.blobs(host)).mark()
 
 
@@ -100,7 +100,7 @@ def _watch(url: str) -> None:
         while time.monotonic() < heard_at + SILENCE_S:
             time.sleep(_ASK_S)
             try:
-                ping(client)
+                client.ping()
                 heard_at = time.monotonic()
             except StoreUnavailable:
                 continue

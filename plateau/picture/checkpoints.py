@@ -56,7 +56,7 @@ class Checkpoints:
         arrays = {"about": np.array(json.dumps(about)), **merge.arrays()}
         content = bytes(packed(arrays | {f"rule:{name}": image for name, image in images.items()}))
         saved = Checkpoint(
-            blob=f"{blobs.checkpoints(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}.npz",
+            blob=f"{blobs.checkpoints(self._owned.job_id)}{merge.slices:07d}-{self._owned.token}.npz",
             sha256=hashlib.sha256(content).hexdigest(),
             slices=merge.slices,
         )

@@ -11,6 +11,7 @@ from typing import Final
 
 from plateau.farm.process.lifecycle import die_with_parent, how_ended
 from plateau.farm.process.log import rotate
+from plateau.farm.process.waits import Backoff
 
 _BACKOFF_S: Final = 0.5
 _LONGEST_BACKOFF_S: Final = 30.0
@@ -40,6 +41,7 @@ class Member:
         self._started_at = 0.0
         self._begins_at = 0  # where the output of its last start begins in its log
         self._start_after = 0.0
+        self._backoff = Backoff(_BACKOFF_S, _LONGEST_BACKOFF_S)
 
     @property
     def pid(self) -> int | None:
@@ -77,9 +79,11 @@ class Member:
             return None
         status, self._process = self._process.returncode, None
         lived_s = time.monotonic() - self._started_at
-        self.deaths = 1 if lived_s > _WELL_S else self.deaths + 1
-        backoff_s = min(_BACKOFF_S * 2 ** (self.deaths - 1), _LONGEST_BACKOFF_S)
-        self._start_after = time.monotonic() + backoff_s
+        if lived_s > _WELL_S:
+            self.deaths = 0
+            self._backoff.reset()
+        self.deaths += 1
+        self._start_after = time.monotonic() + self._backoff.delay_s()
         return f"{self.name} {how_ended(status)}"
 
     def start_if_due(self) -> None:

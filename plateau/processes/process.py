@@ -78,8 +78,8 @@ class StopSignals:
     def _heard(self, number: int, _: FrameType | None) -> None:
         now = time.monotonic()
         if not self.asked.is_set():
+            self._asked_at = now  # first: the next signal may come at any moment
             self.asked.set()
-            self._asked_at = now
             limit = threading.Timer(LIMIT_S, _give_up)
             limit.daemon = True
             limit.start()

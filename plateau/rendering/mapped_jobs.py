@@ -25,6 +25,8 @@ from plateau.rendering.mapped import Mapped, Task
 from plateau.rendering.result import IMAGE, Result
 
 _TICK_S: Final = 0.25
+#: The wait for a submission that is under way as all ends.
+_LAST_WORDS_S: Final = 5.0
 #: How far the seed of an independent input is from that of its reference: odd, as the number of
 #: seeds is often a power of two.
 _APART: Final = JOB_SEEDS // 2 + 1
@@ -54,6 +56,7 @@ class MappedJobs:
         self._to_render: set[int] = set()  # tasks that were read and need samples
         self._all_read = False
         self._open: dict[str, set[str]] = {}  # by batch, its jobs that were not fetched
+        self._submissions: set[Future[list[tuple[Task, Future[Mapped] | str]]]] = set()
         self._has_values = spec.rule.name != "fixed" or bool(spec.watch)
         self._known: dict[str, str] = {}  # the SHA-256 of scenes that are stored, by their paths
         self._pool = ThreadPoolExecutor(farm.window + 1, thread_name_prefix="map")
@@ -69,7 +72,7 @@ class MappedJobs:
     def results(self, tasks: Iterator[Task], *, ordered: bool) -> Iterator[Mapped | None]:
         """Yield each image, and None a few times a second while there is none."""
         tasks = self._counted(tasks)
-        submissions: set[Future[list[tuple[Task, Future[Mapped] | str]]]] = set()
+        submissions = self._submissions
         fetches: set[Future[Mapped]] = set()
         ready: dict[int, Mapped] = {}
         following: list[int] = []  # in their order, those that were not yielded
@@ -107,8 +110,11 @@ class MappedJobs:
         """Cancel what is under way; nobody waits for it any more."""
         self._pool.shutdown(wait=False, cancel_futures=True)
         self._client._transport.once_heard_s = 0.0  # a service that is away is not waited for
-        with suppress(Exception):
-            for batch in [name for name, jobs in self._open.items() if jobs]:
+        wait(self._submissions, _LAST_WORDS_S)  # what is being submitted has to be cancelled, too
+        with self._lock:
+            left = [name for name, jobs in self._open.items() if jobs]
+        for batch in left:
+            with suppress(Exception):
                 self._client.cancel_batch(batch)
 
     def _counted(self, tasks: Iterator[Task]) -> Iterator[Task]:

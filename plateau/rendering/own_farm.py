@@ -178,7 +178,7 @@ def own_farm(
             data,
             interrupts,
             workers=workers if on is None else 0,
-            door=Door(open_to_all=True),  # only this process knows its port
+            door=Door(),
             tell=tell,
             most_deaths=_MOST_DEATHS,
             is_temporary=True,
@@ -194,8 +194,12 @@ def own_farm(
         import plateau.rendering.outputs
         import plateau.terminal.progress  # noqa: F401
         from plateau.client import Client
+        from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+        from plateau.farm.redis.link import connect
 
-        client = stack.enter_context(Client(tree.await_api(), patience_s=_PATIENCE_S))
+        with connect(tree.redis_url) as redis:  # other users of this machine have no key
+            _, key = ApiKeys(redis).create("a user", Role.ADMIN, KeyLimits())
+        client = stack.enter_context(Client(tree.await_api(), key=key, patience_s=_PATIENCE_S))
         yield OwnFarm(client, tree, fleet, tell)
 
 

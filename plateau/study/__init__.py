@@ -1,7 +1,6 @@
 """Observer studies, from the question to the thresholds: an extension of Plateau.
 
 The package has the model of a study, its storage, pictures, routes, client calls, commands and
-statistics. Only `plateau.extensions` names it. Its Redis keys and Lua functions are with all others
-in `plateau.farm.redis`, and its problem types in the API's list. The reasons are in
-docs/decisions/stopping.md.
+statistics. Only `plateau.extensions` names it. Its problem types are in the API's list. The
+reasons are in docs/decisions/stopping.md.
 """

@@ -15,7 +15,6 @@ from typing import Any, Final
 from plateau.farm.blobs.store import Blobs, StoredBlob
 from plateau.farm.model.job import moment
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.study import keys
 from plateau.study.model import (
@@ -60,8 +59,7 @@ class Studies:
 
     def made(self, request: dict[str, Any], owner: str) -> Study | None:
         """The study that an equal request of the owner has made, or None."""
-        with unavailable_as_farm_error():
-            study_id = self._redis.hget(keys.STUDIES_ASKED, _digest(request, owner))
+        study_id = self._redis.hget(keys.STUDIES_ASKED, _digest(request, owner))
         return None if study_id is None else self.get(study_id)
 
     def create(self, study_id: str, request: dict[str, Any], owner: str, about: Any) -> Study:
@@ -93,26 +91,23 @@ class Studies:
 
     def get(self, study_id: str) -> Study:
         """The study, or `StudyNotFound`."""
-        with unavailable_as_farm_error():
-            fields = self._redis.hgetall(keys.study(study_id))
+        fields = self._redis.hgetall(keys.study(study_id))
         if not fields:
             raise StudyNotFound(study_id)
         return _study(fields)
 
     def sha256(self, study_id: str, blob: str) -> str | None:
         """The digest of a picture of the study; None if it was not noted."""
-        with unavailable_as_farm_error():
-            about = self._redis.hget(keys.study(study_id), "about")
+        about = self._redis.hget(keys.study(study_id), "about")
         noted: dict[str, str] = json.loads(about or "{}").get("sha256", {})
         return noted.get(blob)
 
     def all(self) -> list[Study]:
         """All studies, newest first."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=False)
-            for study_id in self._redis.zrevrange(keys.STUDIES, 0, -1):
-                pipe.hgetall(keys.study(study_id))
-            return [_study(fields) for fields in pipe.execute() if fields]
+        pipe = self._redis.pipeline(transaction=False)
+        for study_id in self._redis.zrevrange(keys.STUDIES, 0, -1):
+            pipe.hgetall(keys.study(study_id))
+        return [_study(fields) for fields in pipe.execute() if fields]
 
     def join(self, study: Study, name: str, screen: Screen) -> Observer:
         """Add an observer; one who has joined before keeps the screen of the first time.
@@ -134,26 +129,23 @@ class Studies:
 
     def observer(self, study: Study, name: str) -> Observer:
         """The observer of this name, or `ObserverNotFound`."""
-        with unavailable_as_farm_error():
-            record = self._redis.hget(keys.study(study.id, "observers"), name)
+        record = self._redis.hget(keys.study(study.id, "observers"), name)
         if record is None:
             raise ObserverNotFound(study.id, name)
         return _observer(name, record)
 
     def observers(self, study: Study) -> list[Observer]:
         """All observers, in the order in which they joined."""
-        with unavailable_as_farm_error():
-            records = self._redis.hgetall(keys.study(study.id, "observers"))
+        records = self._redis.hgetall(keys.study(study.id, "observers"))
         found = [_observer(name, record) for name, record in records.items()]
         return sorted(found, key=lambda observer: observer.number)
 
     def counts(self, study: Study) -> tuple[int, int]:
         """The numbers of observers and of answers; both only grow."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=False)
-            pipe.hlen(keys.study(study.id, "observers"))
-            pipe.hlen(keys.study(study.id, "answers"))
-            observers, answers = pipe.execute()
+        pipe = self._redis.pipeline(transaction=False)
+        pipe.hlen(keys.study(study.id, "observers"))
+        pipe.hlen(keys.study(study.id, "answers"))
+        observers, answers = pipe.execute()
         return observers, answers
 
     def answer(
@@ -177,8 +169,7 @@ class Studies:
     def answers(self, study: Study) -> list[Answer]:
         """All answers, by the order of observers, then by that of their pairs."""
         observers = {observer.name: observer for observer in self.observers(study)}
-        with unavailable_as_farm_error():
-            records = self._redis.hgetall(keys.study(study.id, "answers"))
+        records = self._redis.hgetall(keys.study(study.id, "answers"))
         shown = {name: study.pairs(observer.number) for name, observer in observers.items()}
         found = []
         for place, record in records.items():

@@ -4,10 +4,8 @@ All have the job's exposure, so that they differ only by the number of their sam
 """
 
 import hashlib
-import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Final
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
@@ -19,9 +17,6 @@ from plateau.picture.independence import Independence, NotIndependent
 from plateau.picture.merge import Merge
 from plateau.study.ledger import study_level, study_reference
 from plateau.study.model import CannotStudy, KeptSlice
-
-#: Merging takes a few hundred MB, so one process makes one study at a time.
-_ONE_AT_A_TIME: Final = threading.Lock()
 
 
 def put_pictures(
@@ -42,14 +37,13 @@ def put_pictures(
     same = slices == reference
     wanted = slices if same else slices[: levels[-1] // job.spec.slice_spp]
     digests = {}
-    with _ONE_AT_A_TIME:
-        for merge in _merges(store, wanted, Merge.of(job.spec)):
-            if merge.spp in places:
-                digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
-        if not same:
-            *_, merge = _merges(store, reference, Merge.of(job.spec))
-        place = study_reference(study_id)
-        digests[place] = _put(store, place, merge, job)
+    for merge in _merges(store, wanted, Merge.of(job.spec)):
+        if merge.spp in places:
+            digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
+    if not same:
+        *_, merge = _merges(store, reference, Merge.of(job.spec))
+    place = study_reference(study_id)
+    digests[place] = _put(store, place, merge, job)
     return digests
 
 
@@ -58,7 +52,7 @@ def are_independent(
 ) -> bool:
     """Whether two jobs have samples of their own, as their seeds and their first slices tell."""
     found = Independence()
-    with _ONE_AT_A_TIME, suppress(NotIndependent):
+    with suppress(NotIndependent):
         for one, kept in ((job, slices), (other, reference)):
             merge = next(_merges(store, kept[:1], Merge.of(one.spec)))
             found.add(one.id, merge.image(), one.id)

@@ -1,9 +1,11 @@
 """The routes of observer studies: making, taking part, export."""
 
-from dataclasses import dataclass
+import asyncio
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
+from fastapi.concurrency import run_in_threadpool
 
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.examples import JOB_ID
@@ -75,6 +77,8 @@ class _Parts:
     api: Parts
     studies: Studies
     results: StudyResults
+    #: Merging takes a few hundred MB, so one study is made at a time. Who waits holds no thread.
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
 
 
 async def _parts(request: Request) -> _Parts:
@@ -141,18 +145,18 @@ def _csv(example: str) -> dict[int | str, dict[str, Any]]:
         **documented(problems.UNKNOWN_JOB, _CANNOT_STUDY, problems.INVALID_REQUEST),
     },
 )
-def create_study(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
+async def create_study(
+    asked: NewStudy, farm: _Farm, who: CallerOf, response: Response
+) -> StudyView:
     """Make a study from the kept slices of an ended job, and merge its pictures now.
 
     That takes a moment for each slice. The study has its own pictures, so the jobs may be forgotten
     afterwards. Repeated requests of one key make only one study.
     """
-    request = asked.model_dump(mode="json")
-    study = farm.studies.made(request, who.id)
-    if study is None:
-        study = _made(asked, request, farm, who.id)
+    async with farm.turn:
+        study = await run_in_threadpool(_made, asked, farm, who.id)
     response.headers["Location"] = f"/v1/studies/{study.id}"
-    return _shown(farm, study)
+    return study
 
 
 @router.get("", responses=documented())
@@ -243,8 +247,11 @@ def answer_trial(
     return AnswerView(**counts.model_dump())
 
 
-def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) -> Study:
-    """Make the study of this request."""
+def _made(asked: NewStudy, farm: _Parts, owner: str) -> StudyView:
+    """Make the study of this request, unless there is one."""
+    request = asked.model_dump(mode="json")
+    if made := farm.studies.made(request, owner):
+        return _shown(farm, made)
     # Imported at the first use: numpy and the metric take a fifth of the API's start.
     from plateau.study.pictures import are_independent, put_pictures
 
@@ -283,7 +290,7 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) ->
         raise
     if study.id != study_id:  # an equal request was faster
         farm.studies.forget(study_id, farm.api.blobs)
-    return study
+    return _shown(farm, study)
 
 
 def _shown(farm: _Parts, study: Study) -> StudyView:

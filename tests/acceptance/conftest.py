@@ -25,9 +25,9 @@ def farm(shared_farm: RealFarm) -> Iterator[RealFarm]:
 
 @pytest.fixture
 def staffed(shared_farm: RealFarm) -> RealFarm:
-    """The shared farm with a monitor and two workers, which serve test after test."""
+    """The shared farm with a monitor and a worker, which serve test after test."""
     if not shared_farm.staff or shared_farm.processes[1:] != shared_farm.staff:
         shared_farm.stop_all()
-        shared_farm.staff = [shared_farm.start("monitor"), *shared_farm.workers(2)]
-        until(lambda: len(shared_farm.client.workers()) == 2)
+        shared_farm.staff = [shared_farm.start("monitor"), *shared_farm.workers(1)]
+        until(shared_farm.client.workers)
     return shared_farm

@@ -16,6 +16,7 @@ import trustme
 from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis.acl import rules
 from tests.support.farms.real_farm import RealFarm
 
@@ -115,7 +116,7 @@ def answers(client: redis.Redis, seconds: float = 30) -> redis.Redis:
         try:
             client.ping()
             return client
-        except redis.exceptions.RedisError:
+        except (StoreUnavailable, redis.exceptions.RedisError):
             assert time.monotonic() < deadline, "Redis does not answer"
             time.sleep(0.05)
 

@@ -128,7 +128,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_put(store: Blobs, server: S3
         store.get("scenes/before")
     # When it is there again, nothing is half done, and what failed can be done again
     server.start()
-    until(lambda: _answers(store), 60)
+    until(lambda: _answers(store))
     assert store.names("") == ["scenes/before"]
     assert not store.exists("scenes/big")
     store.put("scenes/big", BIG * 2)

@@ -165,7 +165,7 @@ class Soak:
         assert all(index < planned for index in partials.values())
         assert len(names) - len(partials) <= MOST_OTHERS
         stale = [name for name, index in partials.items() if index < contained]
-        until(lambda: not any(map(self.farm.store.exists, stale)), 60)
+        until(lambda: not any(map(self.farm.store.exists, stale)))
 
     def growth(self, name: str) -> float:
         """By how much a process's own memory grew from the run's first third to its last."""

@@ -131,7 +131,7 @@ class TestALogWhoseLastWriteDidNotGetToTheDisk:
         with _redis(tmp_path) as client:
             client.set("a", "1")
             client.bgrewriteaof()
-            until(lambda: client.info("persistence")["aof_rewrite_in_progress"] == 0, 60)
+            until(lambda: client.info("persistence")["aof_rewrite_in_progress"] == 0)
         logs = {log: log.read_bytes() for log in tmp_path.rglob("*.aof")}
         with _redis(tmp_path) as client:
             assert client.get("a") == "1"
@@ -201,9 +201,11 @@ def _kill_at_once(service: Command) -> None:
     """End every process by force, Redis before anybody can ask it to stop in order."""
     family = service.family()
     service.process.send_signal(signal.SIGSTOP)
-    for one in sorted(family, key=lambda one: "redis" not in one.name()):
-        with suppress(psutil.NoSuchProcess):  # a child goes with its parent
-            one.kill()
+    for is_turn in (lambda name: "redis" in name, lambda _: True):
+        for one in family:
+            with suppress(psutil.NoSuchProcess):  # a child goes with its parent
+                if is_turn(one.name()):
+                    one.kill()
     service.process.kill()
     psutil.wait_procs(family, timeout=10)
 

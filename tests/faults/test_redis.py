@@ -28,7 +28,7 @@ def troubles(farm: FaultyFarm, job: str) -> list[object]:
 
 @dataclass(frozen=True)
 class Remote:
-    """A farm, and the way of its monitor and of its two workers to Redis.
+    """A farm, and the way of its monitor and of its worker to Redis.
 
     The API and the test have their own.
     """
@@ -43,9 +43,9 @@ def far_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[
         FaultyFarm(tmp_path_factory.mktemp("far"), cache, PLATEAU_LEASE_S="6") as farm,
         RedisProxy(Path(farm.redis.url.removeprefix("unix://"))) as proxy,
     ):
-        for role in ("monitor", "worker", "worker"):
+        for role in ("monitor", "worker"):
             farm.start(role, PLATEAU_REDIS_URL=proxy.url)
-        farm.wait_for_workers(2)
+        farm.wait_for_workers(1)
         yield Remote(farm, proxy)
         farm.stop_all()
 

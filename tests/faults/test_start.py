@@ -92,7 +92,7 @@ def test_each_process_waits_for_redis(
     server = redis_comes()
     # Then the process goes on, and marks the layout
     with connect(server.url, 120.0) as client:
-        until(lambda: client.get(keys.SCHEMA) == str(LAYOUT), 60)
+        until(lambda: client.get(keys.SCHEMA) == str(LAYOUT))
     assert command.process.poll() is None
 
 
@@ -126,5 +126,5 @@ def test_an_api_answers_without_redis(run: Run, redis_comes: Callable[[], Embedd
         assert http.get("/healthz").status_code == 200
         assert http.get("/v1/jobs").status_code == 503
         redis_comes()
-        until(lambda: http.get("/readyz").status_code == 200, 60)
+        until(lambda: http.get("/readyz").status_code == 200)
         assert http.get("/v1/jobs").status_code == 200

@@ -25,11 +25,6 @@ def read(name):
         return np.asarray(file, np.float32) / np.float32(255)
 
 
-def test_all_the_rows_are_here():
-    assert len(ROWS) == 120
-    assert len({row_id(row) for row in ROWS}) == 120
-
-
 @pytest.mark.parametrize("row", ROWS, ids=row_id)
 @pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
 def test_the_count_is_within_two_pixels(predictor, row):

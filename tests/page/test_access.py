@@ -22,7 +22,7 @@ def job(farm: NoiseFarm) -> Job:
     job = farm.submit("box-with-a-name-that-is-longer-than-a-phone-is-wide-" * 2, step=25)
     with farm.monitor():
         farm.render(3)
-        until(lambda: bool(farm.jobs.results(job.id)), 60)
+        until(lambda: bool(farm.jobs.results(job.id)))
     farm.submit("other", batch="exposures")
     return job
 

@@ -40,7 +40,7 @@ def test_it_is_asked_for_once_and_opens_everything(
     job = farm.submit("box", step=25, max_spp=50, rule={"name": "fixed", "spp": 50})
     with farm.monitor():
         farm.render(2)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
     visitor = visit(f"/jobs/{job.id}", expected={401})
     page = visitor.page
     dialog = page.get_by_role("dialog")

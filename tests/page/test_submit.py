@@ -153,6 +153,9 @@ def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:
     form.get_by_label("Parameter", exact=True).select_option("width")
     form.get_by_role("button", name="Render it").click()
     expect(form.get_by_text("Say where the values begin and end")).to_be_visible()
+    form.get_by_label("From", exact=True).fill("1")
+    form.get_by_label("To, included", exact=True).fill("1700000000")
+    expect(form.get_by_text("at most 1000 of them")).to_be_visible()
     for label, value in (("From", "32"), ("To, included", "64"), ("In steps of", "16")):
         form.get_by_label(label, exact=True).fill(value)
     expect(form.get_by_text("3 jobs, in one batch.")).to_be_visible()

@@ -16,6 +16,7 @@ from plateau.farm.images.view_transform import ViewTransform
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
 from plateau.farm.wire import job_text
 from plateau.farm.wire.views import job_view
 from plateau.picture.judge import Judge
@@ -115,13 +116,16 @@ def test_an_image_that_breaks_later_fails_its_job_then(farm: NoiseFarm) -> None:
 
 
 def test_a_time_limit_does_not_make_a_broken_image_a_result(farm: NoiseFarm) -> None:
-    # Given a job that no worker brings to its first step in three seconds
+    # Given a job whose time is over before its first step
     far = {**QUICK, "step": 10_000, "max_spp": 10_000}
-    job = farm.submit(**far, rule={"name": "visible"}, time_limit_s=3)
+    job = farm.submit(**far, rule={"name": "visible"}, time_limit_s=600)
     with farm.monitor():
+        farm.commit(farm.next_lease(), broken(0, 700))
+        until(lambda: farm.jobs.get(job.id).image_spp)
+        farm.client.hset(keys.job(job.id), "started_at", 1)
         done = render(farm, job, lambda index: broken(index, 700))
     assert done.state is JobState.FAILED
-    assert "reached its time limit of 3 s" in done.reason
+    assert "reached its time limit of 600 s" in done.reason
     assert "700 of 768 pixels (91.1 %) are NaN" in done.reason
     assert marked(farm, done) == (700, 0)
 

@@ -81,11 +81,11 @@ def test_a_preview_over_http_is_what_the_image_was(farm: NoiseFarm, redis_url: s
     with live_http(redis_url, farm.store) as http, farm.monitor():
         assert http.get(f"{path}/previews").json() == {"previews": []}
         farm.render(1)
-        until(lambda: bool(farm.jobs.results(job.id)), 60)
+        until(lambda: bool(farm.jobs.results(job.id)))
         newest = http.get(f"{path}/image.png")
-        until(lambda: kept(farm.store, job.id) == [25], 60)
+        until(lambda: kept(farm.store, job.id) == [25])
         farm.render(2)
-        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
         listed = http.get(f"{path}/previews").json()["previews"]
         assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
         preview = http.get(f"{path}/previews/25.png")
@@ -132,22 +132,22 @@ class TestAGlimpse:
         with farm.monitor():
             lease = farm.next_lease()
             glimpse = farm.glimpse(lease, 4)
-            until(lambda: farm.jobs.get(job.id).image_spp == 4, 60)
+            until(lambda: farm.jobs.get(job.id).image_spp == 4)
             assert Image.open(io.BytesIO(farm.picture(job, "image.png"))).size == (32, 24)
             expected = noise_film(0, 4, farm.sigma)
             np.testing.assert_array_equal(
                 decode_image(farm.picture(job, "image.exr")), expected[..., :3] / expected[..., 3:]
             )
-            until(lambda: not farm.store.exists(glimpse), 60)
+            until(lambda: not farm.store.exists(glimpse))
             # It counts for nothing else
             assert (farm.jobs.get(job.id).spp, farm.jobs.get(job.id).committed_spp) == (0, 0)
             farm.commit(lease)
-            until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
-            until(lambda: len(sets_of(farm, job.id)) == 1, 60)
+            until(lambda: farm.jobs.get(job.id).image_spp == 10)
+            until(lambda: len(sets_of(farm, job.id)) == 1)
             # Only pictures of points are kept of the job's way
             assert kept(farm.store, job.id) == []
             farm.jobs.cancel(job.id)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None)
         assert farm.jobs.get(job.id).image_spp == 10
         assert farm.jobs.get(job.id).spp == 10
 
@@ -155,9 +155,9 @@ class TestAGlimpse:
         job = farm.submit(**self.SPEC)
         with farm.monitor():
             farm.glimpse(farm.next_lease(), 4)
-            until(lambda: farm.jobs.get(job.id).image_spp == 4, 60)
+            until(lambda: farm.jobs.get(job.id).image_spp == 4)
             farm.jobs.cancel(job.id)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None)
         assert (farm.jobs.get(job.id).image_spp, farm.jobs.get(job.id).spp) == (None, 0)
         assert farm.store.names(blobs.of_job(job.id)) == []
 
@@ -170,11 +170,11 @@ class TestAGlimpse:
             lease = farm.next_lease()
             # Or as large as its slice
             farm.glimpse(lease, 4, b"torn") if is_torn else farm.glimpse(lease, 10)
-            until(lambda: "the first pass cannot be shown" in caplog.text, 60)
+            until(lambda: "the first pass cannot be shown" in caplog.text)
             farm.commit(lease)
-            until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
+            until(lambda: farm.jobs.get(job.id).image_spp == 10)
             farm.jobs.cancel(job.id)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None)
         assert caplog.text.count("the first pass cannot be shown") == 1
 
 

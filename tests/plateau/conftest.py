@@ -42,5 +42,5 @@ def box(tmp_path: Path) -> str:
 
 @pytest.fixture
 def plateau(api: str) -> Iterator[Client]:
-    with Client(api) as plateau:
+    with Client(api, patience_s=120) as plateau:
         yield plateau

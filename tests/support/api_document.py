@@ -1,6 +1,7 @@
 """What the API says of itself, without a server: its OpenAPI document."""
 
 import tempfile
+from functools import cache
 from typing import Any
 
 from plateau.farm.blobs.store import Blobs
@@ -12,6 +13,7 @@ from plateau.service.api.scene_checks.pool import SceneChecks
 from tests.support.farms.live_api import LARGEST_UPLOAD
 
 
+@cache
 def api_document() -> dict[str, Any]:
     """The OpenAPI document; no Redis is asked for it."""
     nowhere = "redis://127.0.0.1:1"

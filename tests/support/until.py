@@ -12,11 +12,12 @@ def until(
     seconds: float = 120,
     complaint: Callable[[], str] = lambda: "waited in vain",
     *,
-    every_s: float = 0.02,
+    every_s: float = 0.1,
 ) -> _Answer:
     """The condition's first true answer; fails with the complaint where none comes in time."""
-    deadline = time.monotonic() + seconds
+    deadline, wait_s = time.monotonic() + seconds, 0.01
     while not (answer := condition()):
         assert time.monotonic() < deadline, complaint()
-        time.sleep(every_s)
+        time.sleep(wait_s)
+        wait_s = min(1.5 * wait_s, every_s)
     return answer

@@ -24,7 +24,7 @@ from plateau.farm.model.job import moment
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import NoteUse, PutKey
-from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import OnRedis
 
 _SECRET_BYTES: Final = 32
@@ -157,8 +157,7 @@ class ApiKeys(OnRedis):
 
     def all(self) -> list[ApiKey]:
         """Every key ever made, by age."""
-        with unavailable_as_farm_error():
-            texts = self._redis.hvals(keys.API_KEYS)
+        texts = self._redis.hvals(keys.API_KEYS)
         found = [ApiKey.model_validate_json(text) for text in texts]
         return sorted(found, key=lambda key: key.created_at)
 
@@ -171,39 +170,34 @@ class ApiKeys(OnRedis):
 
     def last_used(self) -> dict[str, datetime]:
         """When each key was last used, to a minute, without keys that never were."""
-        with unavailable_as_farm_error():
-            used = self._redis.hgetall(keys.API_KEYS_USED)
+        used = self._redis.hgetall(keys.API_KEYS_USED)
         return {key_id: moment(at) for key_id, at in used.items()}
 
     def any_made(self) -> bool:
         """Whether a key was ever made: from then on the API wants one."""
-        with unavailable_as_farm_error():
-            return bool(self._redis.exists(keys.API_KEYS))
+        return bool(self._redis.exists(keys.API_KEYS))
 
     def find(self, shown: str) -> ApiKey | None:
         """The key of this showing, if it is known and was not revoked."""
         match = _SHOWN.fullmatch(shown)
         if match is None:
             return None
-        with unavailable_as_farm_error():
-            text = self._redis.hget(keys.API_KEYS, match[1])
+        text = self._redis.hget(keys.API_KEYS, match[1])
         key = None if text is None else ApiKey.model_validate_json(text)
         return key if key is not None and _opens(key, shown) else None
 
     def owner_of(self, job_id: str) -> str | None:
         """Id of the key that made the job; "" where none did, None where there is no such job."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=False)
-            pipe.exists(keys.job(job_id))
-            pipe.hget(keys.job(job_id, "sealed"), "owner")
-            known, owner = pipe.execute()
+        pipe = self._redis.pipeline(transaction=False)
+        pipe.exists(keys.job(job_id))
+        pipe.hget(keys.job(job_id, "sealed"), "owner")
+        known, owner = pipe.execute()
         return owner or "" if known else None
 
     def _change(self, key_id: str, changed: Callable[[ApiKey], ApiKey]) -> ApiKey:
         """Change a key and return it; simultaneous changes are done one after the other."""
         while True:
-            with unavailable_as_farm_error():
-                text = self._redis.hget(keys.API_KEYS, key_id)
+            text = self._redis.hget(keys.API_KEYS, key_id)
             if text is None:
                 raise UnknownKey(
                     f"there is no key {key_id!r}; `plateau keys list` shows those there are"
@@ -218,8 +212,7 @@ class ApiKeys(OnRedis):
         return self._scripts.run(PutKey(key=key.id, instead_of=instead_of, known=known))
 
     def _now(self) -> datetime:
-        with unavailable_as_farm_error():
-            return moment(now_ms(self._redis))
+        return moment(now_ms(self._redis))
 
 
 def _opens(key: ApiKey, shown: str) -> bool:

@@ -21,7 +21,6 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 #: Jobs that are read, or moved, in one round trip.
@@ -55,12 +54,11 @@ class Batches(OnRedis):
     ) -> tuple[list[BatchLine], int | None]:
         """Batches by their newest jobs, below the number `before`, and the next page's number."""
         highest = "+inf" if before is None else f"({before}"
-        with unavailable_as_farm_error():
-            rows = self._redis.zrevrangebyscore(
-                keys.BATCHES, highest, "-inf", start=0, num=limit, withscores=True
-            )
-            lines = (self._line(name) for name, _ in rows)
-            found = [line for line in lines if line is not None]
+        rows = self._redis.zrevrangebyscore(
+            keys.BATCHES, highest, "-inf", start=0, num=limit, withscores=True
+        )
+        lines = (self._line(name) for name, _ in rows)
+        found = [line for line in lines if line is not None]
         return found, int(rows[-1][1]) if len(rows) == limit else None
 
     def _line(self, name: str) -> BatchLine | None:
@@ -80,12 +78,11 @@ class Batches(OnRedis):
 
     def get(self, name: str) -> Batch:
         """A summary of the batch's jobs, or `BatchNotFound`."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            pipe.zrange(keys.batch(name), 0, -1)
-            pipe.time()
-            job_ids, (seconds, microseconds) = pipe.execute()
-            members = self._members(job_ids)
+        pipe = self._redis.pipeline(transaction=True)
+        pipe.zrange(keys.batch(name), 0, -1)
+        pipe.time()
+        job_ids, (seconds, microseconds) = pipe.execute()
+        members = self._members(job_ids)
         if not members:
             raise BatchNotFound(name)
         now = moment(int(seconds) * 1000 + int(microseconds) / 1000)
@@ -93,10 +90,9 @@ class Batches(OnRedis):
 
     def shot(self, name: str) -> ShotRecord | None:
         """The newest shot of the batch, or None where it has none; `BatchNotFound` without it."""
-        with unavailable_as_farm_error():
-            job_ids = self._redis.zrevrange(keys.batch(name), 0, -1)
-            shots = (one["shot"] for one in records.fields_of(self._redis, job_ids, ("shot",)))
-            found = next(filter(None, shots), None)
+        job_ids = self._redis.zrevrange(keys.batch(name), 0, -1)
+        shots = (one["shot"] for one in records.fields_of(self._redis, job_ids, ("shot",)))
+        found = next(filter(None, shots), None)
         if not job_ids:
             raise BatchNotFound(name)
         return None if found is None else self.shots.get(found)
@@ -124,9 +120,8 @@ class Batches(OnRedis):
         BatchNotFound
             There is no such batch.
         """
-        with unavailable_as_farm_error():
-            job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-            owners = records.fields_of(self._redis, job_ids, ("owner",), "sealed")
+        job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+        owners = records.fields_of(self._redis, job_ids, ("owner",), "sealed")
         if not job_ids:
             raise BatchNotFound(name)
         owned = zip(job_ids, owners, strict=True)

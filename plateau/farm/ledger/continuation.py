@@ -34,7 +34,6 @@ from plateau.farm.model.spec.parts import LAG
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 #: The fields of a spec that determine the samples, ...
@@ -82,8 +81,7 @@ class Continuations(OnRedis):
         """
         if not job.state.ended or (job.finished_at is None and job.committed_spp):
             raise JobNotEnded(job.id, job.state.value)
-        with unavailable_as_farm_error():
-            checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
+        checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
         ledger = self._jobs.ledger(job.id)
         slices, committed = 0, records.prefix_length(ledger)
         plan = self._jobs.plan(job)

@@ -8,7 +8,6 @@ from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.jobs import Deleted, SetDeleted
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 
@@ -47,12 +46,11 @@ class Deletions(OnRedis):
         BatchNotFound
             There is no such batch.
         """
-        with unavailable_as_farm_error():
-            job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-            if not deleted:
-                job_ids += self._deleted_from(name)
-            states = fields_of(self._redis, job_ids, ("state",))
-            owners = fields_of(self._redis, job_ids, ("owner",), "sealed")
+        job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+        if not deleted:
+            job_ids += self._deleted_from(name)
+        states = fields_of(self._redis, job_ids, ("state",))
+        owners = fields_of(self._redis, job_ids, ("owner",), "sealed")
         if not job_ids:
             raise BatchNotFound(name)
         steered = []

@@ -5,12 +5,10 @@ from typing import Any
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger import records
-from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry, moment
 from plateau.farm.model.slices.plan import Plan
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.redis import keys
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 
@@ -19,14 +17,12 @@ class JobReads(OnRedis):
 
     def curve(self, job_id: str) -> list[CurvePoint]:
         """The points of the job's curve, by rising spp."""
-        with unavailable_as_farm_error():
-            entries = self._redis.xrange(keys.job(job_id, "curve"))
+        entries = self._redis.xrange(keys.job(job_id, "curve"))
         return [records.curve_point(fields["point"], fields["at"]) for _, fields in entries]
 
     def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
         """The job's events after the event `after`."""
-        with unavailable_as_farm_error():
-            entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
+        entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
         return [records.event(event_id, fields) for event_id, fields in entries]
 
     def story(self, job_id: str) -> tuple[str, ...]:
@@ -39,26 +35,19 @@ class JobReads(OnRedis):
 
     def results(self, job_id: str) -> str:
         """The blob prefix of the job's last results; "" where it has none yet."""
-        with unavailable_as_farm_error():
-            return self._redis.hget(keys.job(job_id), "results") or ""
+        return self._redis.hget(keys.job(job_id), "results") or ""
 
     def sha256(self, blob: str) -> str | None:
         """The SHA-256 of a job's result or preview; None where the blob went."""
         job_id, name = blobs.in_job(blob)
-        with unavailable_as_farm_error():
-            sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
+        sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
         return sha256
-
-    def checkpoint(self, job_id: str) -> Checkpoint | None:
-        """The job's last checkpoint, if it is kept."""
-        return checkpoint_of(self._redis, job_id)
 
     def plan(self, job: Job) -> Plan:
         """What each slice of the job has, as far as it is decided."""
         stored: list[str] = []
         if job.spec.by_zones:
-            with unavailable_as_farm_error():
-                stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
+            stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
         has_looks = job.spec.is_denoised and not job.spec.by_zones
         points = self.curve(job.id) if has_looks else []
         return Plan.of(
@@ -71,16 +60,14 @@ class JobReads(OnRedis):
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""
-        with unavailable_as_farm_error():
-            return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
+        return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
 
     def log(self, job_id: str, index: int | None = None) -> list[LogEntry]:
         """How each try of a slice ended, or of this one; the newest 2000 or so that were noted."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            pipe.xrange(keys.job(job_id, "log"))
-            pipe.hgetall(keys.job(job_id, "ledger"))
-            entries, committed = pipe.execute()
+        pipe = self._redis.pipeline(transaction=True)
+        pipe.xrange(keys.job(job_id, "log"))
+        pipe.hgetall(keys.job(job_id, "ledger"))
+        entries, committed = pipe.execute()
         wanted = None if index is None else str(index)
         written = (one for _, one in entries if wanted in {None, one["slice"]})
         ledger = {at: one for at, one in committed.items() if wanted in {None, at}}

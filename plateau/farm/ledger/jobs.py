@@ -28,7 +28,7 @@ from plateau.farm.redis.commands.jobs import (
     Reprioritise,
     Resume,
 )
-from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.link import now_ms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +108,9 @@ class Jobs(JobReads):
 
     def get(self, job_id: str) -> Job:
         """The job, or `JobNotFound`; or `UnreadableJob`, as from all methods that return a job."""
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=False)
-            records.ask_for(pipe, job_id)
-            fields, sealed = pipe.execute()
+        pipe = self._redis.pipeline(transaction=False)
+        records.ask_for(pipe, job_id)
+        fields, sealed = pipe.execute()
         if not fields:
             raise JobNotFound(job_id)
         return records.job(job_id, fields, sealed)
@@ -180,14 +179,12 @@ class Jobs(JobReads):
 
         Within a priority, keys and batches share the workers, so that older jobs may start later.
         """
-        with unavailable_as_farm_error():
-            weights = {keys.OPEN: -1e12, keys.in_state(JobState.QUEUED.value): 1}
-            return {job: place for place, job in enumerate(self._redis.zinter(weights), start=1)}
+        weights = {keys.OPEN: -1e12, keys.in_state(JobState.QUEUED.value): 1}
+        return {job: place for place, job in enumerate(self._redis.zinter(weights), start=1)}
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds, which all processes go by."""
-        with unavailable_as_farm_error():
-            return now_ms(self._redis)
+        return now_ms(self._redis)
 
     def _move(self, target: JobState, job_id: str, command: Command[Moved]) -> Job:
         """Run a user's command that moves the job, and return the job."""

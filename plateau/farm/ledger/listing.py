@@ -15,7 +15,6 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import unavailable_as_farm_error
 
 #: Jobs of an index that are filtered together.
 _AT_ONCE: Final = 500
@@ -45,35 +44,34 @@ def jobs_before(
     index, fields = _index(wanted)
     found: list[Job] = []
     asked = _AT_ONCE if fields or wanted.search else limit
-    with unavailable_as_farm_error():
-        while True:
-            rows: list[_Row] = client.zrevrangebyscore(
-                index,
-                f"({before}" if before is not None else "+inf",
-                "-inf",
-                start=0,
-                num=asked,
-                withscores=True,
-            )
-            more = len(rows) == asked
-            if rows:
-                before = int(rows[-1][1])
-            rows = _kept(client, rows, deleted=wanted.deleted)
-            rows = _matching(client, rows, fields, wanted.search)
-            if len(found) + len(rows) > limit:
-                rows, more = rows[: limit - len(found)], True
-                before = int(rows[-1][1])
-            # A job may have left the state since its index was read.
-            found += (
-                job
-                for job in _jobs(client, [row[0] for row in rows])
-                if wanted.state in {None, job.state}
-            )
-            if not more:
-                return found, None
-            if len(found) >= limit:
-                return found, before
-            asked = _AT_ONCE
+    while True:
+        rows: list[_Row] = client.zrevrangebyscore(
+            index,
+            f"({before}" if before is not None else "+inf",
+            "-inf",
+            start=0,
+            num=asked,
+            withscores=True,
+        )
+        more = len(rows) == asked
+        if rows:
+            before = int(rows[-1][1])
+        rows = _kept(client, rows, deleted=wanted.deleted)
+        rows = _matching(client, rows, fields, wanted.search)
+        if len(found) + len(rows) > limit:
+            rows, more = rows[: limit - len(found)], True
+            before = int(rows[-1][1])
+        # A job may have left the state since its index was read.
+        found += (
+            job
+            for job in _jobs(client, [row[0] for row in rows])
+            if wanted.state in {None, job.state}
+        )
+        if not more:
+            return found, None
+        if len(found) >= limit:
+            return found, before
+        asked = _AT_ONCE
 
 
 def _index(wanted: Filter) -> tuple[str, dict[str, str]]:

@@ -36,7 +36,7 @@ from plateau.farm.redis.commands.owners import (
     Show,
 )
 from plateau.farm.redis.commands.owners import Ownership as Ownership
-from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import OnRedis
 
 
@@ -50,13 +50,6 @@ class Checkpoint(BaseModel):
     slices: int  #: the number of slices in the sums
 
 
-def checkpoint_of(client: RedisClient, job_id: str) -> Checkpoint | None:
-    """The job's last checkpoint, if it has one."""
-    with unavailable_as_farm_error():
-        text = client.hget(keys.job(job_id), "checkpoint")
-    return None if text is None else Checkpoint.model_validate_json(text)
-
-
 class Ownerships(OnRedis):
     """What a monitor may do with jobs. Methods raise `StoreUnavailable` and `FenceLost`."""
 
@@ -66,20 +59,17 @@ class Ownerships(OnRedis):
 
     def unfinished(self) -> set[str]:
         """The jobs that still need a monitor."""
-        with unavailable_as_farm_error():
-            return set(self._redis.smembers(keys.UNFINISHED))
+        return set(self._redis.smembers(keys.UNFINISHED))
 
     def monitors(self) -> int:
         """The number of living monitors."""
-        with unavailable_as_farm_error():
-            return len(self._redis.zrangebyscore(keys.MONITORS, now_ms(self._redis), "+inf"))
+        return len(self._redis.zrangebyscore(keys.MONITORS, now_ms(self._redis), "+inf"))
 
     def by_age(self, job_ids: set[str]) -> list[str]:
         """These jobs, the oldest first."""
         if not job_ids:
             return []
-        with unavailable_as_farm_error():
-            numbers = self._redis.zmscore(keys.JOBS, sorted(job_ids))
+        numbers = self._redis.zmscore(keys.JOBS, sorted(job_ids))
         known = zip(numbers, sorted(job_ids), strict=True)
         return [job_id for _, job_id in sorted(one for one in known if one[0] is not None)]
 
@@ -101,8 +91,7 @@ class Ownerships(OnRedis):
         """The ledger's records of these slices, up to the first missing one."""
         if not indices:
             return []
-        with unavailable_as_farm_error():
-            texts = self._redis.hmget(keys.job(job_id, "ledger"), [str(i) for i in indices])
+        texts = self._redis.hmget(keys.job(job_id, "ledger"), [str(i) for i in indices])
         records = []
         for text in texts:
             if text is None:
@@ -112,13 +101,13 @@ class Ownerships(OnRedis):
 
     def state(self, job_id: str) -> JobState | None:
         """The job's state, even of an unreadable job; None where Redis has lost the job."""
-        with unavailable_as_farm_error():
-            state = self._redis.hget(keys.job(job_id), "state")
+        state = self._redis.hget(keys.job(job_id), "state")
         return None if state is None else JobState(state)
 
     def checkpoint(self, job_id: str) -> Checkpoint | None:
         """The job's last checkpoint, if it has one."""
-        return checkpoint_of(self._redis, job_id)
+        text = self._redis.hget(keys.job(job_id), "checkpoint")
+        return None if text is None else Checkpoint.model_validate_json(text)
 
     def save_checkpoint(
         self, owned: Ownership, checkpoint: Checkpoint, waits: FrameWait | None = None
@@ -135,8 +124,7 @@ class Ownerships(OnRedis):
 
     def glimpse(self, job_id: str) -> str | None:
         """The blob of the first pass of the job's first slice, as long as it has no results."""
-        with unavailable_as_farm_error():
-            blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
+        blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
         return None if results else blob
 
     def show_results(
@@ -278,8 +266,7 @@ class Ownerships(OnRedis):
 
     def concluded(self, job_id: str) -> bool:
         """Whether the job's last results are written."""
-        with unavailable_as_farm_error():
-            return bool(self._redis.hexists(keys.job(job_id), "concluded"))
+        return bool(self._redis.hexists(keys.job(job_id), "concluded"))
 
     def finish(self, owned: Ownership, *, keeps_sums: bool) -> None:
         """Note that the job's other blobs were cleared: it needs no monitor any more.

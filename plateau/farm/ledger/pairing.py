@@ -12,7 +12,6 @@ from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Pair
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 
@@ -29,8 +28,7 @@ def check_pair(client: RedisClient, store: Blobs) -> None:
         One of the two is away.
     """
     try:
-        with unavailable_as_farm_error():
-            _check_pair(client, store)
+        _check_pair(client, store)
     except NotPermitted:
         raise StoreUnavailable(
             "Redis and the blob store are not paired yet, and this process may not pair them; "

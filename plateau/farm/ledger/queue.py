@@ -27,7 +27,6 @@ from plateau.farm.redis.commands.slices import (
     LeasedSlice,
     Offer,
 )
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 
@@ -264,5 +263,4 @@ class SliceQueue(OnRedis):
 
     def ended(self, job_id: str) -> bool:
         """Whether the job has ended, or is unknown."""
-        with unavailable_as_farm_error():
-            return self._redis.zscore(keys.OPEN, job_id) is None
+        return self._redis.zscore(keys.OPEN, job_id) is None

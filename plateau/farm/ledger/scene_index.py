@@ -8,7 +8,6 @@ from typing import Any, Final
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.scenes import DisuseScene, RememberScene, UseScene
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 #: Far longer than removing a scene's blob usually takes.
@@ -35,8 +34,7 @@ class SceneIndex(OnRedis):
             if time.monotonic() > patience:
                 raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
             time.sleep(0.05)
-            with unavailable_as_farm_error():
-                is_going = bool(self._redis.exists(keys.scene_going(sha256)))
+            is_going = bool(self._redis.exists(keys.scene_going(sha256)))
 
     def disuse(self, sha256: str) -> None:
         """Take the note of `use` back: the blob store has no such scene."""
@@ -52,12 +50,10 @@ class SceneIndex(OnRedis):
 
     def has(self, sha256: str) -> bool:
         """Whether the blob store holds this scene."""
-        with unavailable_as_farm_error():
-            return bool(self._redis.hexists(keys.SCENES, sha256))
+        return bool(self._redis.hexists(keys.SCENES, sha256))
 
     def all(self) -> Iterator[dict[str, Any]]:
         """The stored scenes with their summaries."""
-        with unavailable_as_farm_error():
-            scenes = self._redis.hgetall(keys.SCENES)
+        scenes = self._redis.hgetall(keys.SCENES)
         for sha256, summary in scenes.items():
             yield {"sha256": sha256, **json.loads(summary)}

@@ -11,7 +11,6 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import Incompatible, NotPermitted, StoreUnavailable
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LOG = logging.getLogger(__name__)
 
@@ -34,17 +33,15 @@ def check_schema(client: RedisClient) -> None:
     StoreUnavailable
         Redis is away, or empty and this process may not set it up.
     """
-    with unavailable_as_farm_error():
-        found = client.get(keys.SCHEMA)
-        if found is None:
-            try:
-                with unavailable_as_farm_error():
-                    found = client.eval(_SET_UP, 1, keys.SCHEMA, versions.LAYOUT)
-            except NotPermitted:
-                raise StoreUnavailable(
-                    "Redis has no data of Plateau's yet, and this process may not set it up; start "
-                    "a monitor or an API, which does"
-                ) from None
+    found = client.get(keys.SCHEMA)
+    if found is None:
+        try:
+            found = client.eval(_SET_UP, 1, keys.SCHEMA, versions.LAYOUT)
+        except NotPermitted:
+            raise StoreUnavailable(
+                "Redis has no data of Plateau's yet, and this process may not set it up; start "
+                "a monitor or an API, which does"
+            ) from None
     if found != str(versions.LAYOUT):
         raise Incompatible(found)
 

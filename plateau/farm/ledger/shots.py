@@ -18,7 +18,6 @@ from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.shots import AnsweredFrame, AnswerFrames, Over
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import OnRedis
 
 _FIELDS: Final = (
@@ -79,17 +78,16 @@ class Shots(OnRedis):
 
     def get(self, shot_id: str) -> ShotRecord | None:
         """Return the shot, or None where its first frame is deleted."""
-        with unavailable_as_farm_error():
-            about = self._redis.hgetall(keys.job(shot_id, "shot"))
-            if not about:
-                return None
-            looks = int(about["looks"])
-            job_ids = json.loads(about["frames"])
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id in job_ids:
-                pipe.hmget(keys.job(job_id), _FIELDS)
-            pipe.hget(keys.job(shot_id), "spec")
-            *rows, spec = pipe.execute()
+        about = self._redis.hgetall(keys.job(shot_id, "shot"))
+        if not about:
+            return None
+        looks = int(about["looks"])
+        job_ids = json.loads(about["frames"])
+        pipe = self._redis.pipeline(transaction=False)
+        for job_id in job_ids:
+            pipe.hmget(keys.job(job_id), _FIELDS)
+        pipe.hget(keys.job(shot_id), "spec")
+        *rows, spec = pipe.execute()
         last = about.get(f"look:{looks - 1}")
         return ShotRecord(
             id=shot_id,
@@ -103,8 +101,7 @@ class Shots(OnRedis):
 
     def looks(self, shot_id: str) -> list[ShotLook]:
         """Return all looks at the shot, in order."""
-        with unavailable_as_farm_error():
-            about = self._redis.hgetall(keys.job(shot_id, "shot"))
+        about = self._redis.hgetall(keys.job(shot_id, "shot"))
         return [
             ShotLook.model_validate_json(about[f"look:{number}"])
             for number in range(int(about.get("looks", 0)))

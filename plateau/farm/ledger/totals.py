@@ -22,7 +22,6 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import NoteSweep
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 #: How tries of slices end: `plateau.farm.model.job.TryEnd`, ``late`` (rendered when the job had
@@ -121,29 +120,28 @@ class Census:
 
 def take_census(client: RedisClient) -> Census:
     """Count the farm."""
-    with unavailable_as_farm_error():
-        pipe = client.pipeline(transaction=True)
-        pipe.time()
-        pipe.smembers(keys.UNFINISHED)  # those that have not ended, and a few more
-        pipe.zrange(keys.WORKERS, 0, -1, withscores=True)
-        pipe.zrange(keys.MONITORS, 0, -1, withscores=True)
-        pipe.zrange(keys.NOTICES, 0, -1)
-        pipe.hgetall(keys.TOTALS)
-        (seconds, us), job_ids, seen, due, receivers, counted = pipe.execute()
-        now_ms = int(seconds) * 1000 + int(us) / 1000
-        workers = [worker for worker, at in seen if at >= now_ms - ALIVE_S * 1000]
-        monitors = [monitor for monitor, overdue in due if overdue >= now_ms]
-        pipe = client.pipeline(transaction=False)
-        for worker in workers:
-            pipe.hgetall(keys.worker(worker))
-        for monitor in monitors:
-            pipe.hget(keys.monitor(monitor), "jobs")
-        for receiver in receivers:
-            pipe.zcard(f"{keys.NOTICES}:{receiver}")
-        for job_id in job_ids:
-            pipe.hmget(keys.job(job_id), _FIELDS)
-            pipe.zcard(keys.job(job_id, "lost"))
-        answers = iter(pipe.execute())
+    pipe = client.pipeline(transaction=True)
+    pipe.time()
+    pipe.smembers(keys.UNFINISHED)  # those that have not ended, and a few more
+    pipe.zrange(keys.WORKERS, 0, -1, withscores=True)
+    pipe.zrange(keys.MONITORS, 0, -1, withscores=True)
+    pipe.zrange(keys.NOTICES, 0, -1)
+    pipe.hgetall(keys.TOTALS)
+    (seconds, us), job_ids, seen, due, receivers, counted = pipe.execute()
+    now_ms = int(seconds) * 1000 + int(us) / 1000
+    workers = [worker for worker, at in seen if at >= now_ms - ALIVE_S * 1000]
+    monitors = [monitor for monitor, overdue in due if overdue >= now_ms]
+    pipe = client.pipeline(transaction=False)
+    for worker in workers:
+        pipe.hgetall(keys.worker(worker))
+    for monitor in monitors:
+        pipe.hget(keys.monitor(monitor), "jobs")
+    for receiver in receivers:
+        pipe.zcard(f"{keys.NOTICES}:{receiver}")
+    for job_id in job_ids:
+        pipe.hmget(keys.job(job_id), _FIELDS)
+        pipe.zcard(keys.job(job_id, "lost"))
+    answers = iter(pipe.execute())
     crew = [_Worker.of(fields, now_ms) for fields in islice(answers, len(workers)) if fields]
     owned = sum(int(jobs or 0) for jobs in islice(answers, len(monitors)))
     notices = sum(islice(answers, len(receivers)))

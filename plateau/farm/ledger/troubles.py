@@ -24,7 +24,7 @@ _MOST_READ: Final = 50
 _MANY: Final = 3
 #: What is written to see whether the blob store is full.
 _PROBE: Final = bytes(1 << 20)
-_FARM: Final = "farm"
+_FARM: Final = "*"  #: no host's name
 
 
 @dataclass(frozen=True)

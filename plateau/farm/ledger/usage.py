@@ -14,7 +14,6 @@ from plateau.farm.model.job import moment
 from plateau.farm.model.usage import Grouping, UsageRow
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import unavailable_as_farm_error
 
 #: Jobs read in one round trip, between which Redis serves others.
 _AT_ONCE: Final = 500
@@ -57,13 +56,12 @@ def _jobs(
     """What each job has spent, newest first, read in portions."""
     before = "+inf"
     while True:
-        with unavailable_as_farm_error():
-            rows = client.zrevrangebyscore(
-                keys.JOBS, before, "-inf", start=0, num=_AT_ONCE, withscores=True
-            )
-            job_ids = [job_id for job_id, _ in rows]
-            found = records.fields_of(client, job_ids, _FIELDS)
-            owners = records.fields_of(client, job_ids, ("owner", "owner_name"), "sealed")
+        rows = client.zrevrangebyscore(
+            keys.JOBS, before, "-inf", start=0, num=_AT_ONCE, withscores=True
+        )
+        job_ids = [job_id for job_id, _ in rows]
+        found = records.fields_of(client, job_ids, _FIELDS)
+        owners = records.fields_of(client, job_ids, ("owner", "owner_name"), "sealed")
         for job_id, fields, owner in zip(job_ids, found, owners, strict=True):
             if fields["name"] is None:  # forgotten a moment ago
                 continue

@@ -1,5 +1,6 @@
 """The workers that live, are drained and are resumed; and the heartbeat of monitors."""
 
+from contextlib import suppress
 from typing import Final
 
 from plateau.farm.ledger import records
@@ -8,7 +9,7 @@ from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain, MonitorHeartbeat
-from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import OnRedis, Scripts
 
 #: A worker lives for this long after its last heartbeat.
@@ -20,13 +21,17 @@ class Workers(OnRedis):
 
     def living(self, within_s: float = ALIVE_S) -> list[Worker]:
         """The workers that sent a heartbeat in the last `within_s` seconds."""
-        with unavailable_as_farm_error():
-            now = now_ms(self._redis)
-            alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
-            pipe = self._redis.pipeline(transaction=False)
-            for worker_id in alive:
-                pipe.hgetall(keys.worker(worker_id))
-            return [records.worker(fields, now) for fields in pipe.execute() if fields]
+        now = now_ms(self._redis)
+        alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
+        pipe = self._redis.pipeline(transaction=False)
+        for worker_id in alive:
+            pipe.hgetall(keys.worker(worker_id))
+        workers = []
+        for fields in pipe.execute():
+            # What has gone since, and what a hostile worker has written
+            with suppress(KeyError, TypeError, ValueError):
+                workers.append(records.worker(fields, now))
+        return workers
 
     def drain(self, worker_id: str) -> None:
         """Give the worker no more slices; it finishes those that it has. Harmless to repeat.

@@ -44,7 +44,10 @@ class FrameOfShot(_Record):
     @property
     def is_waiting(self) -> bool:
         """Whether it waits, and no look has answered."""
-        return self.waits is not None and (self.answer is None or self.answer.spp < self.waits.spp)
+        waits, answer = self.waits, self.answer
+        if waits is None or self.may_end(waits.spp):
+            return False
+        return answer is None or answer.spp < waits.spp
 
     def may_end(self, spp: int) -> bool:
         """Return whether a look has allowed it to end with an image of these samples."""

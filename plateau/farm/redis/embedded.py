@@ -207,7 +207,9 @@ class EmbeddedRedis:
                 client.ping()
                 _shorten_log(client)
                 break
-            except redis.exceptions.RedisError as error:
+            except StoreUnavailable as error:
+                if isinstance(error.__cause__, redis.exceptions.BusyLoadingError):
+                    deadline = time.monotonic() + _START_S  # it reads its log, however long
                 if self.process.poll() is not None or time.monotonic() > deadline:
                     words = self.last_words() or str(error)
                     raise StoreUnavailable(f"the embedded Redis did not start: {words}") from error

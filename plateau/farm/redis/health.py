@@ -9,7 +9,7 @@ import redis
 
 from plateau.farm.model.errors import FarmError, NotPermitted
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import connect, unavailable_as_farm_error
+from plateau.farm.redis.link import connect
 from plateau.farm.redis.url import (
     BadRedisUrl,
     is_loopback,
@@ -36,7 +36,7 @@ def examine(url: str) -> Iterator[Finding]:
     """The findings about the Redis at the URL, within the rights of its user; never a password."""
     where = without_password(url)
     try:
-        with connect(url) as client, unavailable_as_farm_error():
+        with connect(url) as client:
             client.ping()
             yield Finding("Redis", f"{where} answers", needed=True)
             yield _user(client, url)
@@ -48,8 +48,7 @@ def examine(url: str) -> Iterator[Finding]:
 
 def _user(client: RedisClient, url: str) -> Finding:
     try:
-        with unavailable_as_farm_error():
-            user = client.acl_whoami()
+        user = client.acl_whoami()
     except NotPermitted:
         return Finding("Redis user", "one that may not even ask for its name")
     ok = user.startswith(_RESTRICTED) or _is_here(url)
@@ -73,8 +72,7 @@ def _encryption(url: str) -> Finding:
 
 def _server(client: RedisClient) -> Iterator[Finding]:
     try:
-        with unavailable_as_farm_error():
-            about: dict[str, Any] = client.info()
+        about: dict[str, Any] = client.info()
     except NotPermitted:
         detail = "this user may not ask, as it should be for workers; plateau-admin may"
         yield Finding("Redis version and persistence", detail)
@@ -105,8 +103,7 @@ def _persistence(client: RedisClient, about: dict[str, Any]) -> Finding:
     if about["aof_last_write_status"] != "ok":
         return Finding(name, "its last write failed: is its disk full?", ok=False)
     try:
-        with unavailable_as_farm_error():
-            policy = client.config_get("appendfsync").get("appendfsync")
+        policy = client.config_get("appendfsync").get("appendfsync")
     except (NotPermitted, redis.exceptions.ResponseError):  # the latter from a managed Redis
         return Finding(name, "appendonly yes; appendfsync is not for this user to ask")
     if policy == "always":

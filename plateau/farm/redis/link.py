@@ -40,10 +40,10 @@ def connect(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> RedisClient:
 
     It never sends a command twice by itself. redis-py retries ten times by default, and would store
     a write twice whose answer was lost. Here the caller, who knows what may be repeated, gets the
-    error. `BadRedisUrl` for a wrong URL; see `plateau.farm.redis.url`.
+    error, as `farm_errors` names it. `BadRedisUrl` for a wrong URL; see `plateau.farm.redis.url`.
     """
     options = {"retry": Retry(NoBackoff(), 0), **link_options(url, answer_s)}
-    opened: RedisClient = open_link(url, redis.Redis, redis.Sentinel, options)
+    opened: RedisClient = open_link(url, _Redis, redis.Sentinel, options)
     return opened
 
 
@@ -81,13 +81,7 @@ def open_link(url: str, client: Any, sentinel: Any, options: dict[str, Any]) -> 
     hasty = {"socket_timeout": _SENTINEL_S, "socket_connect_timeout": _SENTINEL_S}
     theirs = options | hasty | sentinels.own_options
     manager = sentinel(sentinels.addresses, sentinel_kwargs=theirs)
-    return manager.master_for(sentinels.service, **(options | sentinels.options))
-
-
-def ping(client: RedisClient) -> None:
-    """Return if Redis answers; raise `StoreUnavailable` otherwise."""
-    with unavailable_as_farm_error():
-        client.ping()
+    return manager.master_for(sentinels.service, client, **(options | sentinels.options))
 
 
 def now_ms(client: RedisClient) -> int:
@@ -113,7 +107,7 @@ _FORBIDS: Final = re.compile(r"\bNOPERM\b|The user executing the script can't")
 
 
 @contextmanager
-def unavailable_as_farm_error() -> Iterator[None]:
+def farm_errors() -> Iterator[None]:
     """Raise `StoreUnavailable` for redis-py's errors while Redis is away or refuses temporarily.
 
     And `NotPermitted` where this user lacks the right, or `WrongPassword`.
@@ -130,3 +124,21 @@ def unavailable_as_farm_error() -> Iterator[None]:
         if _REFUSES.search(str(error)) is None:
             raise
         raise StoreUnavailable(f"Redis refuses: {error}") from error
+
+
+class _Pipeline(redis.client.Pipeline):  # type: ignore[misc]
+    def execute(self, raise_on_error: bool = True) -> list[Any]:
+        with farm_errors():
+            answers: list[Any] = super().execute(raise_on_error)
+        return answers
+
+
+class _Redis(redis.Redis):  # type: ignore[misc]
+    """redis-py's client, with the farm's errors."""
+
+    def execute_command(self, *arguments: Any, **options: Any) -> Any:
+        with farm_errors():
+            return super().execute_command(*arguments, **options)
+
+    def pipeline(self, transaction: bool = True, shard_hint: Any = None) -> _Pipeline:
+        return _Pipeline(self.connection_pool, self.response_callbacks, transaction, shard_hint)

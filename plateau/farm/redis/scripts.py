@@ -26,7 +26,6 @@ from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command, Reply
-from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
 
@@ -140,7 +139,7 @@ class Scripts:
         Incompatible
             The data has another layout than this Plateau's: nothing was done.
         """
-        with unavailable_as_farm_error(), _answers_as_farm_errors():
+        with _answers_as_farm_errors():
             try:
                 text = self._redis.evalsha(*self._said(command))
             except redis.exceptions.NoScriptError:
@@ -154,7 +153,7 @@ class Scripts:
         Other clients' commands may run between them.
         """
         self.load()
-        with unavailable_as_farm_error(), _answers_as_farm_errors():
+        with _answers_as_farm_errors():
             pipe = self._redis.pipeline(transaction=False)
             for command in commands:
                 pipe.evalsha(*self._said(command))
@@ -166,15 +165,13 @@ class Scripts:
 
     def load(self) -> None:
         """Load the script if Redis lacks it, for workers, too; raises as `run` does."""
-        with unavailable_as_farm_error():
-            [known] = self._redis.script_exists(self._sha1)
-            if not known:
-                self._load()
+        [known] = self._redis.script_exists(self._sha1)
+        if not known:
+            self._load()
 
     def _load(self) -> None:
         try:
-            with unavailable_as_farm_error():
-                self._redis.script_load(self._text)
+            self._redis.script_load(self._text)
         except NotPermitted:
             raise StoreUnavailable(
                 f"Redis does not know the script of Plateau {versions.plateau()}, and this "

@@ -6,7 +6,7 @@ from typing import Any, Final
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.waits import Stop, await_any
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.link import farm_errors
 
 #: After this silence the listener pings Redis, and waits this long for the answer: otherwise it
 #: would never notice a connection that is dead but not closed.
@@ -42,7 +42,7 @@ class Wake:
             Redis is away, or has not answered for long: the next call subscribes anew.
         """
         try:
-            with unavailable_as_farm_error():
+            with farm_errors():
                 return self._wait(timeout_s, stop)
         except StoreUnavailable:
             self._pubsub.reset()

@@ -16,7 +16,6 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import BeginSweep
-from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep.finished_jobs import FinishedJobs
 from plateau.farm.sweep.orphans import remove_orphans
@@ -75,22 +74,21 @@ def sweep(
     StoreUnavailable
         Redis or the blob store is away: the next sweep does the rest.
     """
-    with unavailable_as_farm_error():
-        check_pair(client, store)
-        removal = Removal(store, dry_run=dry_run)
-        jobs = FinishedJobs(client, removal)
-        if results_older_than_s is not None:
-            jobs.forget(results_older_than_s)
-        old = len(jobs.forgotten)
-        if deleted_older_than_s is not None:
-            jobs.forget_deleted(deleted_older_than_s)
-        if sums_older_than_s is not None:
-            jobs.let_sums_go(sums_older_than_s)
-        orphans = remove_orphans(client, removal, jobs.forgotten)
-        scenes = 0
-        if scenes_unused_for_s is not None:
-            scenes = remove_scenes(client, removal, scenes_unused_for_s, jobs.forgotten)
-        orphans += removal.remove_half_put()
+    check_pair(client, store)
+    removal = Removal(store, dry_run=dry_run)
+    jobs = FinishedJobs(client, removal)
+    if results_older_than_s is not None:
+        jobs.forget(results_older_than_s)
+    old = len(jobs.forgotten)
+    if deleted_older_than_s is not None:
+        jobs.forget_deleted(deleted_older_than_s)
+    if sums_older_than_s is not None:
+        jobs.let_sums_go(sums_older_than_s)
+    orphans = remove_orphans(client, removal, jobs.forgotten)
+    scenes = 0
+    if scenes_unused_for_s is not None:
+        scenes = remove_scenes(client, removal, scenes_unused_for_s, jobs.forgotten)
+    orphans += removal.remove_half_put()
     return Swept(
         jobs=old,
         deleted=len(jobs.forgotten) - old,

@@ -30,7 +30,7 @@ class CompiledVisibleDifferences(VisibleDifferences):
 
     Both agree on all but about one pixel in a million. The first comparison in a process waits for
     the kernels: seconds to compile them, a fraction of a second to load them from the cache.
-    Everything runs on the calling thread, without the interpreter's lock.
+    A comparison runs on the calling thread, without the interpreter's lock.
     """
 
     def __init__(self, view: View) -> None:

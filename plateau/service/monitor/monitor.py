@@ -46,6 +46,7 @@ from plateau.service.notices.targets import read_targets
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
+_LACKING_S: Final = 600.0  #: how long a job waits for memory or a process of this machine
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
@@ -226,6 +227,12 @@ class Monitor:
             raise
         except JobNotFound as gone:
             return give_up(owned, self._owners, str(gone))
+        except (OSError, MemoryError) as error:
+            # This machine lacks something, perhaps for a moment. The sums may be half added to.
+            self._runs.pop(owned.job_id, None)
+            if self._turns.put_off_s(owned.job_id) < _LACKING_S:
+                raise
+            return give_up(owned, self._owners, f"the merge cannot continue: {error}")
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job cannot continue")
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")

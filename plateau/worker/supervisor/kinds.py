@@ -35,8 +35,8 @@ class Kinds:
 
     def __init__(self, cache: Path, choice: VariantChoice) -> None:
         self._library = choice.llvm_library
-        known_by = identity.of(filter(None, [choice.llvm_library]))
-        self._memory = identity.Memory(cache / "kinds.json", known_by)
+        self._identity = self._identity_now()
+        self._memory = identity.Memory(cache / "kinds.json", self._identity)
         self._known: dict[str, dict[str, Any]] = self._read()
         for tried in choice.tried:
             if tried.ok and tried.bits and tried.variant not in self._known:
@@ -63,11 +63,13 @@ class Kinds:
         before = self._known.get(variant)
         # Whether a GPU's bits are always the same, nobody has tried.
         if before and before["bits"] != tried.bits and not variant_named(variant).on_gpu:
+            if self._identity_now() != self._identity:
+                return "libraries were upgraded under this worker: start it again"
             day = datetime.fromtimestamp(before["checked"], timezone.utc).date()
             return (
                 f"{variant} renders other bits of a known image ({tried.bits}) than on {day} "
                 f"({before['bits']}), and nothing was upgraded: test this machine's memory and "
-                f"processor, then remove {self._memory.file}"
+                f"processor, then remove {self._memory.file} and start the worker again"
             )
         self._remember(tried)
         return None
@@ -86,6 +88,9 @@ class Kinds:
     def names(self) -> tuple[str, ...]:
         """Return the names of all kinds that the worker is known to be."""
         return tuple(map(self.named, tuple(self._known)))
+
+    def _identity_now(self) -> dict[str, Any]:
+        return identity.of(filter(None, [self._library]))
 
     def _remember(self, tried: Probe) -> None:
         self._known[tried.variant] = {"bits": tried.bits, "checked": time.time()}

@@ -13,8 +13,8 @@ from plateau.farm.process.waits import Backoff
 
 _LOG = logging.getLogger(__name__)
 
-_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait while Redis is away
-_DRAIN_S: Final = 5.0  #: how long a stopping worker tries
+RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait while Redis is away
+DRAIN_S: Final = 5.0  #: how long a stopping worker tries
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Reports:
         self._insist(lambda: self._queue.fail(lease, reason, tried.seconds, tried.said))
 
     def _insist(self, report: Callable[[], object]) -> None:
-        backoff, stopping_since = Backoff(*_RETRY_S), None
+        backoff, stopping_since = Backoff(*RETRY_S), None
         while True:
             try:
                 report()
@@ -72,6 +72,6 @@ class Reports:
             if stopping_since is None and self._stop.wait(backoff.delay_s()):
                 stopping_since = time.monotonic()
             elif stopping_since is not None:
-                if time.monotonic() > stopping_since + _DRAIN_S:
+                if time.monotonic() > stopping_since + DRAIN_S:
                     return
-                time.sleep(_RETRY_S[0])
+                time.sleep(RETRY_S[0])

@@ -39,7 +39,7 @@ from plateau.worker.supervisor.host import RenderHost
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.pace import Pace
 from plateau.worker.supervisor.placed_files import PlacedFiles
-from plateau.worker.supervisor.reports import Reports, Tried
+from plateau.worker.supervisor.reports import DRAIN_S, RETRY_S, Reports, Tried
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Rendered, Uploader
 from plateau.worker.supervisor.variants import VariantChoice, choose
@@ -50,10 +50,8 @@ _LOG = logging.getLogger(__name__)
 _TURN_S: Final = 20.0  #: how long a worker keeps to its loaded scene before it looks who waits
 _IDLE_S: Final = (0.5, 5.0)  #: between two requests for work, unless the worker is woken
 _LISTEN_S: Final = 60.0  #: how long a listener waits for one announcement
-_DRAIN_S: Final = 5.0  #: how long a stopping worker tries to commit its slices
 _FINISH_S: Final = 2.0  #: a stopping worker finishes a slice that ends within this time
 _STOPS: Final = "the worker stops"
-_RETRY_S: Final = (0.5, 10.0)  #: while Redis or the blob store is away
 _AGAIN_S: Final = 0.3  #: before a failed heartbeat is repeated, so that no lease runs out
 _SIT_OUT_S: Final = (10.0, 300.0)  #: before a worker that cannot render tests itself again
 
@@ -121,7 +119,7 @@ class Supervisor:
             self._work()
         finally:
             self._host.close()
-            self._uploader.close(_DRAIN_S)
+            self._uploader.close(DRAIN_S)
             over.set()
             for watcher in watchers:
                 watcher.join()
@@ -129,7 +127,7 @@ class Supervisor:
 
     def _work(self) -> None:
         new_work = Wake(self._client, keys.wake_worker(self.id))
-        backoff, idle = Backoff(*_RETRY_S), Backoff(*_IDLE_S)
+        backoff, idle = Backoff(*RETRY_S), Backoff(*_IDLE_S)
         worked_at = time.monotonic()
         while not self._stop.is_set():
             try:

@@ -68,7 +68,7 @@ def test_a_put_that_is_killed_leaves_what_nobody_takes_for_a_blob(
     )
     putting = subprocess.Popen([sys.executable, "-c", program, store.where])
     try:
-        until(lambda: any(path.stat().st_size for path in store.leftovers(-1)), 60)
+        until(lambda: any(path.stat().st_size for path in store.leftovers(-1)))
     finally:
         putting.kill()
         putting.wait()

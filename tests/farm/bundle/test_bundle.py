@@ -37,9 +37,7 @@ def integer(name: str, value: object) -> str:
     return f'<integer name="{name}" value="{value}"/>'
 
 
-# ---------------------------------------------------------------------------------------------
 # What is good
-# ---------------------------------------------------------------------------------------------
 
 
 def test_a_single_xml_is_a_scene(tmp_path: Path):
@@ -120,13 +118,6 @@ def test_parameters_choose_files_and_the_film():
     assert summary.parameters == {"mesh": "a", "w": "10", "width": "20"}
 
 
-def test_the_film_is_that_of_the_sensor_asked_for():
-    sensors = FILM.format(integer("width", 10)) + FILM.format(integer("width", 20))
-    upload = io.BytesIO(scene(sensor=sensors))
-    assert [inspect_bundle(upload, sensor=index).width for index in (0, 1)] == [10, 20]
-    assert inspect_bundle(upload).sensors == 2
-
-
 def test_any_plugin_may_be_asked_for_where_nobody_says_which_there_are():
     """What a plugin does with its values is Mitsuba's business, in a child process."""
     body = '<shape type="no_such_shape"><string name="note" value="3/4 of it"/></shape>'
@@ -151,9 +142,7 @@ def test_limits_are_inclusive():
     inspect_bundle(upload, limits=exact)
 
 
-# ---------------------------------------------------------------------------------------------
 # What is refused
-# ---------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -674,10 +663,6 @@ def test_every_code_is_tested():
     # In test_packing.py and test_scene_dict.py.
     elsewhere = {"unpackable-path", "unwritable-dict"}
     assert {bad.code for bad in BAD} | elsewhere == set(CODES)
-
-
-def test_a_scene_deeper_than_any_include_still_loads_at_the_limit():
-    assert inspect_bundle(chain(13)).files == 15
 
 
 class CountingStream(io.BytesIO):

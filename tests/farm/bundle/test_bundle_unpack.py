@@ -34,13 +34,6 @@ def test_a_zip_is_unpacked_with_plain_permissions(tmp_path: Path):
     }
 
 
-def test_a_single_xml_becomes_scene_xml(tmp_path: Path):
-    path = tmp_path / "upload"
-    path.write_bytes(scene())
-    assert unpack_bundle(path, tmp_path / "bundle") == "scene.xml"
-    assert (tmp_path / "bundle" / "scene.xml").read_bytes() == scene()
-
-
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path):
     (tmp_path / "scene.xml").write_text("mine")
     with pytest.raises(FileExistsError):

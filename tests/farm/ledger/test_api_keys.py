@@ -103,7 +103,7 @@ class TestAKey:
         rotated = threading.Semaphore(0)
 
         def rotate() -> None:
-            others = ApiKeys(connect(url))
+            others = ApiKeys(connect(url, 120.0))
             with contextlib.suppress(UnknownKey):
                 while True:  # until it is revoked
                     others.rotate(made.id)

@@ -1,14 +1,11 @@
 """Creating, reading and listing jobs."""
 
-import pytest
 import redis
 
 from plateau.farm.ledger.jobs import Created, Jobs
-from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.commands.sweeps import Forget
-from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support.farms.staged_job import StagedJob
 
@@ -43,11 +40,3 @@ def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
     new = create_once()
     assert (new.repeated, new.conflict, new.job.state) == (False, False, JobState.QUEUED)
     assert create_once().job.id == new.job.id != job.id
-
-
-def test_a_redis_that_is_away_is_one_clear_error() -> None:
-    jobs = Jobs(connect("unix:///nonexistent/redis.sock"))
-    with pytest.raises(StoreUnavailable, match="Redis cannot be reached"):
-        jobs.get("any")
-    with pytest.raises(StoreUnavailable):
-        create(jobs)

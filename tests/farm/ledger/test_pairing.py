@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 import redis
 
-from plateau.farm.blobs.names import MARK
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.model.errors import BlobsUnavailable, WrongStore
+from plateau.farm.model.errors import WrongStore
 from plateau.farm.redis import keys
 
 
@@ -45,30 +44,3 @@ def test_a_redis_that_lost_its_data_is_refused(client: redis.Redis, store: Blobs
     client.flushall()
     with pytest.raises(WrongStore, match="has lost its data"):
         check_pair(client, store)
-
-
-def test_a_store_that_is_not_mounted_any_more_is_away_and_not_empty(
-    client: redis.Redis, store: Blobs
-) -> None:
-    check_pair(client, store)
-    store.put("scenes/a", b"x")
-    folder = Path(store.where)
-    aside = folder.with_name("aside")
-    folder.rename(aside)
-    folder.mkdir()
-    for look in (
-        lambda: store.get("scenes/a"),
-        lambda: store.size("scenes/a"),
-        lambda: store.names("scenes/"),
-        lambda: list(store.chunks("scenes/a")),
-        lambda: store.put("scenes/b", b"x"),
-    ):
-        with pytest.raises(BlobsUnavailable, match="still mounted"):
-            look()
-    assert list(folder.iterdir()) == []
-    folder.rmdir()
-    aside.rename(folder)
-    assert store.get("scenes/a") == b"x"
-    # A blob that is missing from the store itself is merely missing
-    with pytest.raises(FileNotFoundError):
-        store.get(f"scenes/{MARK}")

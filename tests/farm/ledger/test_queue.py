@@ -29,7 +29,7 @@ def test_there_is_something_to_see_before_the_first_slice_is_there(farm: LedgerF
     assert farm.owners.glimpse(job.id) is None
     assert worker.glimpse(held, "a glimpse")
     assert farm.owners.glimpse(job.id) == "a glimpse"
-    assert hints.wait(5, Stop()) == {job.id}
+    assert hints.wait(60, Stop()) == {job.id}
     assert farm.jobs.get(job.id).image_spp is None
     # Once there is an image it comes too late; the first image is announced, and only that
     for spp in (4, 25, 50):

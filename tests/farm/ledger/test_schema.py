@@ -1,19 +1,14 @@
 """The layout in Redis has a version: written once, and compared by every process and command."""
 
-import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 import redis
 
-from plateau.farm.blobs.store import Blobs
-from plateau.farm.ledger.schema import await_checks, check_schema
+from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import versions
-from plateau.farm.model.errors import Incompatible, StoreUnavailable
+from plateau.farm.model.errors import Incompatible
 from plateau.farm.redis import keys
-from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support.redis.redis_commands import commands, named
@@ -23,7 +18,7 @@ def test_an_empty_redis_gets_the_version(client: redis.Redis) -> None:
     # If every process of a farm starts at once
     path = client.connection_pool.connection_kwargs["path"]
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(check_schema, [connect(f"unix://{path}") for _ in range(8)]))
+        list(pool.map(check_schema, [connect(f"unix://{path}", 120.0) for _ in range(8)]))
     assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
     # And to look again changes nothing
     check_schema(client)
@@ -63,29 +58,3 @@ def test_every_command_looks_first(client: redis.Redis) -> None:
         with pytest.raises(Incompatible, match="has layout 0"):
             runner.run(named(name))
     assert client.keys("*") == [keys.SCHEMA]
-
-
-def test_who_waits_for_redis_goes_on_when_it_comes(store: Blobs, tmp_path: Path) -> None:
-    client = connect(f"unix://{tmp_path}/redis.sock")
-    with pytest.raises(StoreUnavailable):
-        check_schema(client)
-    waiting = threading.Thread(target=await_checks, args=(client, store, threading.Event()))
-    waiting.start()
-    time.sleep(0.3)
-    assert waiting.is_alive()
-    server = EmbeddedRedis(tmp_path)
-    waiting.join(60)
-    assert not waiting.is_alive()
-    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
-    client.close()
-    server.stop()
-
-
-def test_who_waits_for_redis_can_be_stopped(store: Blobs, tmp_path: Path) -> None:
-    stop = threading.Event()
-    client = connect(f"unix://{tmp_path}/none.sock")
-    waiting = threading.Thread(target=await_checks, args=(client, store, stop))
-    waiting.start()
-    stop.set()
-    waiting.join(60)
-    assert not waiting.is_alive()

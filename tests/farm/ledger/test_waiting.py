@@ -43,7 +43,7 @@ LONG_AGO, LONG_TO_COME, USUAL_MS = "1", "9000000000000", 500
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[redis.Redis]:
     """A Redis that does not wait for its disk, since histories are long."""
     server = EmbeddedRedis(tmp_path_factory.mktemp("quick"))
-    client = connect(server.url)
+    client = connect(server.url, 120.0)
     client.config_set("appendfsync", "no")
     yield client
     client.close()
@@ -136,7 +136,7 @@ class History:
 
     def left_out(self, worker: str, job_id: str) -> None:
         had = self.client.hget(keys.worker(worker), "left_out") or ""
-        self.client.hset(keys.worker(worker), "left_out", f"{had} {job_id} {LONG_TO_COME}")
+        self.client.hset(keys.worker(worker), "left_out", f"{had} {job_id} {LONG_TO_COME}".strip())
 
     # Slices
 
@@ -518,7 +518,7 @@ class TestIdleWorkers:
         for name in ("cpu-1", "cpu-2"):
             waiting.pop(name).close()  # as its connections do when it is killed
             channel = keys.wake_worker(name)
-            until(lambda channel=channel: quick.pubsub_numsub(channel) == [(channel, 0)], 60)
+            until(lambda channel=channel: quick.pubsub_numsub(channel) == [(channel, 0)])
         history.create(1, 1)
         assert self.woken(waiting, stop) == {"cpu-3"}
 

@@ -118,6 +118,9 @@ class TestLeftOut:
         assert left_out == {"west": (job.id,), "east": ()}
         farm.relents("west")
         assert {one.left_out_of for one in Workers(farm.client).living()} == {()}
+        # One that says nonsense hides no other
+        farm.client.hset(keys.worker("east"), "about", "{}")
+        assert [one.id for one in Workers(farm.client).living()] == ["west"]
 
 
 class TestWords:

@@ -88,14 +88,14 @@ def test_a_thread_whose_blobs_are_on_a_mount_that_stops_hangs_until_that_fails(
 def test_a_thread_that_waits_for_a_blob_of_a_slow_store_does_not(
     tmp_path: Path, store: Blobs, watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hang, "HUNG_S", 9.0)  # a third of it is time enough for a test of the disk
+    monkeypatch.setattr(hang, "HUNG_S", 3.0)  # a third of it is time enough for a test of the disk
     # Given a blob that takes its time, in a folder that answers
     slow = tmp_path / "blobs" / "scenes" / "slow"
     os.mkfifo(slow)
     thread = threading.Thread(target=store.get, args=("scenes/slow",))
     thread.start()
     watched = watch(thread)
-    _seen(watched, seconds=10.0)  # by the way, where a busy machine is slow to test the disk
+    _seen(watched, seconds=4.0)  # by the way, where a busy machine is slow to test the disk
     until(lambda: not watched.is_seen())
     assert store.called_since(thread.ident or 0) is not None
     slow.open("wb").close()

@@ -24,7 +24,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.embedded import EmbeddedRedis
-from plateau.farm.redis.link import connect, unavailable_as_farm_error
+from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.redis.wake import Wake
 from tests.support.farms import ledger_farm
@@ -71,9 +71,9 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     worker.heartbeat(about("w"), ())
     other.heartbeat(about("v"), ())
     assert worker.lease(VARIANTS, None, in_turn=False) is None
-    assert not hints.wait(0.1, never())
+    assert not hints.wait(0.1, Stop())
     first = job(batch="walk")
-    assert hints.wait(5, never()) == {"planned"}
+    assert hints.wait(5, Stop()) == {"planned"}
     held = lease(worker)
     assert worker.heartbeat(about("w"), (held,)) == ()
     assert worker.glimpse(held, blobs.glimpse(first, "w"))
@@ -102,10 +102,6 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     assert client.scard(f"plateau:key:{key.id}:open") == 1
 
 
-def never() -> Stop:
-    return Stop()
-
-
 JOB = "0123456789ab"
 WITHHELD = [
     *(("zrange", keys.NOTICES, 0, -1), ("zadd", f"{keys.NOTICES}:ops", 0, JOB)),
@@ -131,20 +127,20 @@ WITHHELD = [
 
 @pytest.mark.parametrize("act", WITHHELD, ids=lambda act: " ".join(map(str, act)))
 def test_a_worker_is_refused_all_else(login: Login, act: tuple[str, ...]) -> None:
-    with pytest.raises(NotPermitted, match="plateau redis-acl"), unavailable_as_farm_error():
+    with pytest.raises(NotPermitted, match="plateau redis-acl"):
         login("worker").execute_command(*act)
 
 
 @pytest.mark.parametrize("act", ["SUBSCRIBE", "PUBLISH"])
 def test_a_worker_hears_and_says_nothing_on_other_channels(login: Login, act: str) -> None:
-    with pytest.raises(redis.exceptions.NoPermissionError):
+    with pytest.raises(NotPermitted):
         login("worker").execute_command(act, "news", *(["x"] if act == "PUBLISH" else []))
 
 
 def test_a_workers_scripts_reach_no_further_than_it_does(login: Login) -> None:
     worker, admin = login("worker"), login("admin")
     script = admin.script_load(f"return redis.call('HGETALL', '{keys.API_KEYS}')")
-    with pytest.raises(NotPermitted), unavailable_as_farm_error():
+    with pytest.raises(NotPermitted):
         worker.evalsha(script, 0)
 
 
@@ -189,14 +185,14 @@ def test_others_are_refused_what_is_not_for_them(
 ) -> None:
     one = login(role)
     for act in acts:
-        with pytest.raises(redis.exceptions.NoPermissionError):
+        with pytest.raises(NotPermitted):
             one.execute_command(*act)
 
 
 @pytest.mark.parametrize("role", ["worker", "monitor", "api", "admin"])
 def test_nobody_debugs_the_server(login: Login, role: str) -> None:
     # Since Redis 7 it is refused to everybody, before anyone's rights are looked at
-    with pytest.raises(redis.exceptions.ResponseError, match=r"has no permissions|not allowed"):
+    with pytest.raises((NotPermitted, redis.exceptions.ResponseError)):
         login(role).execute_command("debug", "sleep", 0)
 
 
@@ -234,7 +230,7 @@ def test_a_worker_waits_for_who_may_load_its_scripts(client: redis.Redis, login:
 
 def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: EmbeddedRedis) -> None:
     path = embedded_redis.url.removeprefix("unix://")
-    with pytest.raises(StoreUnavailable) as refusal, unavailable_as_farm_error():
+    with pytest.raises(StoreUnavailable) as refusal:
         connect(f"unix://plateau-worker:guessed@{path}").ping()
     assert "guessed" not in str(refusal.value)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 import redis
 
-from plateau.farm.redis.acl import acl_file, rules
+from plateau.farm.redis.acl import rules
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.health import Finding, _encryption, examine
 
@@ -104,8 +104,3 @@ def test_in_clear_over_a_network_is_said() -> None:
     assert not _encryption("redis+sentinel://127.0.0.1,farm.example/m").ok
     assert _encryption("redis://127.0.0.1").ok
     assert _encryption("rediss+sentinel://farm.example/m").ok
-
-
-def test_every_user_of_the_file_is_one_of_ours() -> None:
-    assert all(user.startswith("plateau-") for user in rules())
-    assert acl_file({}).startswith("user default reset off ")

@@ -33,7 +33,7 @@ def proxy(embedded_redis: EmbeddedRedis, redis_url: str) -> Iterator[RedisProxy]
 
 @pytest.fixture
 def world(client: redis.Redis, proxy: RedisProxy) -> Iterator[World]:
-    lossy = connect(proxy.url)
+    lossy = connect(proxy.url, 120.0)
     yield World(client, lossy)
     lossy.close()
 

@@ -12,6 +12,7 @@ from plateau.farm.process.waits import Stop
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from tests.support.faults.redis_proxy import RedisProxy
+from tests.support.until import until
 
 CHANNEL = "a channel of the test"
 
@@ -54,9 +55,11 @@ def test_a_connection_that_died_in_silence_is_given_up_and_made_anew(
         wake._answer_s = 1.0
         with pytest.raises(StoreUnavailable, match="says nothing any more"):
             wake.wait(30.0, never)
+        until(lambda: client.pubsub_numsub(CHANNEL) == [(CHANNEL, 0)])
         # The network lets new connections through again; the old one it has forgotten
         proxy.mood, wake._answer_s = "through", 60.0
         assert wake.wait(1.0, never) == set()
+        until(lambda: client.pubsub_numsub(CHANNEL) == [(CHANNEL, 1)])
         client.publish(CHANNEL, "heard again")
         assert wake.wait(30.0, never) == {"heard again"}
         wake.close()

@@ -20,16 +20,7 @@ def evidence(spp, seed=1, sigma=SIGMA):
     return Evidence(spp, (even + odd) / 2, (Half(even, spp // 2), Half(odd, spp // 2)), METRIC)
 
 
-def pixels(spp):
-    return evidence(spp).estimate.pixels
-
-
 NOISY, CLEAN = 200, 40_000
-
-
-def test_the_story_has_a_noisy_and_a_clean_image():
-    assert pixels(NOISY) > 100
-    assert pixels(CLEAN) <= 1
 
 
 def verdicts(*seen):

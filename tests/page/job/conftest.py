@@ -51,7 +51,7 @@ def png(content: bytes) -> np.ndarray:
 
 def is_shown(layer: Locator, picture: np.ndarray) -> None:
     """Assert that a layer shows these pixels, soon and to the last one."""
-    until(lambda: bool((pixels(layer) == picture).all()), 60)
+    until(lambda: bool((pixels(layer) == picture).all()))
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def test_kept_slices_are_judged_again_under_another_view(
     job = posted(url, **short, keep_slices=True, view={"pixels_per_degree": 57.0})
     with farm.monitor():
         farm.render(2)
-        until(lambda: farm.jobs.get(job["id"]).finished_at is not None, 60)
+        until(lambda: farm.jobs.get(job["id"]).finished_at is not None)
     page = visit(f"/submit?again={job['id']}", expected={404, 422}).page
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     page.get_by_label("Image width seen under").fill("20")
@@ -152,7 +152,7 @@ def test_kept_slices_are_judged_again_under_another_view(
     new = farm.jobs.get(page.url.rpartition("/")[2])
     assert (new.spec.view.field_of_view_deg, new.spec.view.pixels_per_degree) == (20, 57)
     with farm.monitor():
-        until(lambda: farm.jobs.get(new.id).finished_at is not None, 60)
+        until(lambda: farm.jobs.get(new.id).finished_at is not None)
     assert farm.jobs.get(new.id).points
     assert farm.jobs.get(new.id).machine_s == 0
 

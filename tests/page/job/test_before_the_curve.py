@@ -23,12 +23,12 @@ def job(farm: NoiseFarm) -> Iterator[Job]:
 
 
 def shows(farm: NoiseFarm, job: Job, spp: int) -> None:
-    until(lambda: farm.jobs.get(job.id).image_spp == spp, 60)
+    until(lambda: farm.jobs.get(job.id).image_spp == spp)
 
 
 def cancelled(farm: NoiseFarm, job: Job) -> None:
     farm.jobs.cancel(job.id)
-    until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    until(lambda: farm.jobs.get(job.id).finished_at is not None)
 
 
 def files_are(page: Page, *names: str) -> None:

@@ -183,7 +183,7 @@ def test_a_job_of_broken_pixels_shows_where_they_are(visit: Visit, farm: NoiseFa
         film = noise_film(lease.index, 25, 1.0)
         film[:4, :5, 0] = np.nan
         farm.commit(lease, film)
-        until(lambda: farm.is_finished(job), 60)
+        until(lambda: farm.is_finished(job))
     # Then the page says so, in words, in its figures and in a picture over the image
     page = visit(f"/jobs/{job.id}").page
     expect(page.locator(".one-job .title .state")).to_have_text("failed")

@@ -1,7 +1,9 @@
 """The Python client against a live API."""
 
 import threading
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import redis
@@ -24,6 +26,20 @@ def box(tmp_path: Path) -> Path:
     (folder / "scene.xml").write_bytes(scene(mesh("a.ply")))
     (folder / "a.ply").write_bytes(PLY)
     return folder
+
+
+def test_a_submission_may_take_long(api: str, box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put = Blobs.put
+
+    def put_slowly(*given: Any) -> None:
+        time.sleep(1.0)
+        put(*given)
+
+    monkeypatch.setattr(Blobs, "put", put_slowly)
+    with Client(api, timeout_s=0.5, patience_s=0.0) as impatient:
+        job = impatient.submit(box)
+    with Client(api, patience_s=120) as client:
+        assert list(client.all_jobs()) == [job]
 
 
 def test_a_scene_goes_in_and_its_job_comes_out(

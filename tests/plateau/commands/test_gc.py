@@ -16,6 +16,7 @@ from plateau.farm.ledger.schema import check_schema
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from plateau.farm.sweep import is_due
 from tests.support.farms.staged_job import StagedJob
 from tests.support.processes.commands import Command
 
@@ -56,6 +57,7 @@ def data(tmp_path: Path) -> Path:
     server = EmbeddedRedis(folder / "redis")
     with connect(server.url, 120.0) as client:
         fill(client, Blobs(str(folder / "blobs")))
+        assert is_due(client, 3600)  # no monitor sweeps within this hour
     server.stop()
     return folder
 

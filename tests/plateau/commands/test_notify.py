@@ -92,7 +92,7 @@ def test_doctor_tells_whether_a_target_took_a_test_message(
     answers = lambda number, _: OK if number == 1 else (500, {})  # noqa: E731
     with receiving(answers) as receiver:
         file = tmp_path / "targets"
-        file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}\n")
+        file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}&cto=120&rto=120\n")
         monkeypatch.setenv("PLATEAU_NOTIFY_FILE", str(file))
         assert plateau("doctor", "--notify", "ops") == (0, "ops was notified\n", "")
         code, _, error = plateau("doctor", "--notify", "ops")

@@ -5,6 +5,7 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 
 from tests.support.long_tests import rare
@@ -93,11 +94,15 @@ def test_ctrl_c_before_anything_is_rendered_leaves_what_was_there(
     (out / ".plateau-job").write_text("0123456789ab\n")
     (out / "image.png").write_text("an earlier image")
     command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
-    until(command.family, 60)
+    until(command.family)
     if begun:
         worker = command.member("worker")
         worker.suspend()
         command.wait_for("queued")
+        # Other users of this machine have no key
+        (listening,) = command.member("api").net_connections("tcp")[:1]
+        url = f"http://127.0.0.1:{listening.laddr.port}/v1/jobs"
+        assert httpx.get(url, verify=False, trust_env=False, timeout=60).status_code == 401
     # When it is interrupted
     command.process.send_signal(signal.SIGINT)
     if begun:

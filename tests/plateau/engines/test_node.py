@@ -19,6 +19,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.ledger.workers import Workers
+from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.processes.commands import plateau
@@ -86,6 +87,7 @@ def test_it_works_for_the_front_until_that_is_silent(
         server.process.kill()
         server.process.wait()
         server.start()
+        client.delete(keys.WORKERS)  # what it said before
         (worker,) = until(lambda: Workers(client).living())
     family = psutil.Process(node.pid).children(recursive=True)
     server.stop()

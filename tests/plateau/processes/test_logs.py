@@ -74,7 +74,7 @@ def test_every_line_of_a_worker_says_which_job_and_slice_it_is_about(
     good, _ = bench.job(slices=1)
     worker.wait_for("the slice waits")
     folder.unlink()
-    until(lambda: len(bench.jobs.ledger(good.id)) == 1, 60)
+    until(lambda: len(bench.jobs.ledger(good.id)) == 1)
     worker.process.send_signal(signal.SIGTERM)
     assert worker.exit_code() == 0
     # Then whatever it wrote meanwhile, from whichever thread, has its fields
@@ -94,7 +94,7 @@ def test_every_line_of_a_monitor_says_which_job_and_slice_it_is_about(
     # Given a job whose first partial was lost
     job, owned = bench.job(slices=1)
     with bench.worker():
-        until(lambda: len(bench.jobs.ledger(job.id)) == 1, 60)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
     bench.store.delete(*bench.store.names(blobs.partials(job.id)))
     bench.owners.disown((owned,))
     monitor = run("monitor")

@@ -1,4 +1,4 @@
-"""A farm of real processes, which the tests of a file share."""
+"""A farm of real processes, which all tests share."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from tests.support.farms.real_farm import RealFarm
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
     with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
         farm.start("monitor")

@@ -23,7 +23,7 @@ def checks(tmp_path: Path) -> Path:
 
 
 def test_an_image_and_its_inputs_are_those_of_a_job_alone(farm: RealFarm) -> None:
-    values = [{**SMALL, "intensity": 5 + step} for step in range(20)]
+    values = [{**SMALL, "intensity": 5 + step} for step in range(8)]
     found = {
         one.index: one
         for one in plateau.map(
@@ -35,11 +35,11 @@ def test_an_image_and_its_inputs_are_those_of_a_job_alone(farm: RealFarm) -> Non
             farm=farm.url,
         )
     }
-    assert sorted(found) == list(range(20))
-    mapped = found[17]
-    assert (mapped.parameters, mapped.image.shape) == (values[17], (16, 24, 3))
+    assert sorted(found) == list(range(8))
+    mapped = found[7]
+    assert (mapped.parameters, mapped.image.shape) == (values[7], (16, 24, 3))
     # Alone, that job has the same bits; its pictures are of no account
-    alone = {"parameters": values[17], "aovs": ["depth"], "seed": 17, "frame_seed": 17}
+    alone = {"parameters": values[7], "aovs": ["depth"], "seed": 7, "frame_seed": 7}
     alone |= {"inputs": (1, 4, 7), "slice_spp": 24, "step": 24, "allocation": "frame"}
     job = plateau.render(BOX, farm=farm.url, max_spp=24, rule="fixed:spp=24", **alone)  # type: ignore[arg-type]
     assert "image.png" in job.files

@@ -125,7 +125,8 @@ def test_a_farm_renders_the_same(
     same, other = (np.array_equal(results[0].image, one.image) for one in results[1:])
     assert (same, other) == (True, False)
     assert "50 spp" in capsys.readouterr().err
-    assert [job.state for job in farm.client.all_jobs()] == ["exhausted"] * 3
+    there = {job.id: job.state for job in farm.client.all_jobs()}
+    assert [there[result.job.id] for result in results] == ["exhausted"] * 3
 
 
 def test_what_is_wrong_is_told_before_anything_starts(tmp_path: Path) -> None:

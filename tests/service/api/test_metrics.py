@@ -108,6 +108,7 @@ class TestRequests:
             for path in (f"/v1/jobs/{job.id}", "/v1/jobs/0123456789ab", "/v1/jobs/0123456789ac"):
                 http.get(path)
             http.get("/secret/9137")
+            http.get("/v1/batches/of%2Fnone")
             http.get("/v1/jobs", headers={"Host": "evil.example"})
             http.request("BREW", "/v1/jobs")
             http.head(f"/v1/jobs/{job.id}")
@@ -123,6 +124,7 @@ class TestRequests:
             (("method", "GET"), ("route", route), ("status", "2xx")): 1,
             (("method", "GET"), ("route", route), ("status", "4xx")): 2,
             (("method", "GET"), ("route", "none"), ("status", "4xx")): 2,
+            (("method", "GET"), ("route", "/v1/batches/{name}"), ("status", "4xx")): 1,
             (("method", "other"), ("route", "/v1/jobs"), ("status", "4xx")): 1,
             (("method", "HEAD"), ("route", route), ("status", "2xx")): 1,
             (("method", "GET"), ("route", f"{route}/curve"), ("status", "5xx")): 1,

@@ -228,10 +228,6 @@ def test_every_error_is_a_problem_of_a_known_type(operations: list[Operation]) -
                 assert f"`/problems/{slug}`" in answer["description"], name
 
 
-def test_the_framework_s_own_errors_are_not_there(document: dict[str, Any]) -> None:
-    assert not {"HTTPValidationError", "ValidationError"} & set(document["components"]["schemas"])
-
-
 class TestTheRequestExamples:
     def test_are_valid(self, document: dict[str, Any], operations: list[Operation]) -> None:
         for method, path, described in operations:

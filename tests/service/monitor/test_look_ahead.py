@@ -143,7 +143,7 @@ def test_a_job_of_many_workers_is_not_rendered_far_beyond_its_end(
             lease = farm.lease()
             if lease is not None:
                 farm.commit(lease)
-        until(lambda: farm.jobs.get(found.id).finished_at is not None, 60)
+        until(lambda: farm.jobs.get(found.id).finished_at is not None)
     assert ended.state is JobState.CONVERGED
     assert ended.spp > 300
     # However slow the monitor is beside them, no more is planned ahead than is merged, nor more

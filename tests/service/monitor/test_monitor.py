@@ -1,7 +1,8 @@
 """The monitor brings a job to its end, whatever happens to it on the way."""
 
-from itertools import chain, repeat
+from itertools import chain, count, repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.service.monitor import monitor
+from plateau.service.monitor.job_run import JobRun
 from plateau.service.monitor.result_sets import ResultSets
-from tests.support.farms.every_time import save_every_time
 from tests.support.farms.finished_jobs import finish_by_many_monitors
 from tests.support.farms.noise_farm import SIZE, NoiseFarm, noise_film
 from tests.support.until import until
@@ -57,7 +59,7 @@ def test_a_noisy_ramp_converges(farm: NoiseFarm) -> None:
     # And nothing else is left but its sums, from which another job could go on
     assert farm.store.names(blobs.partials(job.id)) == []
     (sums,) = farm.store.names(blobs.checkpoints(job.id))
-    assert f"{done.spp:07d}" in sums
+    assert f"{done.spp // 10:07d}" in sums
     assert farm.jobs.events(job.id)[-1].type == "finished"
 
 
@@ -89,6 +91,7 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     late = farm.submit(**QUICK, time_limit_s=0.5, time_limit_from="submission", priority=-1)
     with farm.monitor():
         farm.render(1)
+        until(lambda: farm.jobs.get(job.id).image_spp)
         farm.client.hset(keys.job(job.id), "started_at", 1)
         until(lambda: farm.is_finished(late) and farm.is_finished(job))
     done = farm.jobs.get(job.id)
@@ -101,15 +104,25 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     assert farm.jobs.get(patient.id).state is JobState.QUEUED
 
 
-def test_a_job_keeps_its_slices_where_asked(
+def test_a_moment_without_memory_costs_no_job(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save_every_time(monkeypatch)
+    turn, lacks = JobRun.advance, count()
+
+    def without_memory(run: JobRun, *given: Any) -> bool:
+        if next(lacks) in lacking:
+            raise MemoryError
+        return turn(run, *given)
+
+    monkeypatch.setattr(JobRun, "advance", without_memory)
+    lacking = range(3, 6)
     with farm.monitor():
-        done = farm.finish(farm.submit(**QUICK, keep_slices=True))
-    kept = farm.store.names(blobs.partials(done.id))
-    assert len(kept) == len(farm.jobs.ledger(done.id)) >= done.spp // 10
-    assert farm.store.names(blobs.checkpoints(done.id)) == []
+        assert farm.finish(farm.submit(**QUICK)).state is JobState.CONVERGED
+        # But for ten minutes at most
+        lacking = range(10**9)
+        monkeypatch.setattr(monitor, "_LACKING_S", 0.0)
+        done = farm.finish(farm.submit(**QUICK))
+    assert (done.state, "merge cannot continue" in done.reason) == (JobState.FAILED, True)
 
 
 def spoil(farm: NoiseFarm, lease: Lease) -> None:

@@ -1,6 +1,8 @@
 """Monitors sweep by themselves, one of them once an hour, and no trouble of it is theirs."""
 
 import logging
+import threading
+from collections.abc import Iterator
 
 import pytest
 import redis
@@ -18,8 +20,12 @@ ORPHAN = "jobs/0123456789ab/partials/000000-killed-1.exr"
 
 
 @pytest.fixture(autouse=True)
-def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+def _soon(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(sweeper, "_POLL_S", 0.05)
+    yield
+    for thread in threading.enumerate():  # it sweeps to its end, which is no other test's
+        if thread.name == "sweeper":
+            thread.join()
 
 
 @pytest.fixture
@@ -42,7 +48,7 @@ def test_jobs_go_after_the_retention(
     job = finished_job(client, store)
     caplog.set_level(logging.INFO)
     with sweeping(settings.model_copy(update={"keep_results_days": 0.0}), store):
-        until(lambda: "swept 1 old jobs" in caplog.text, 60)
+        until(lambda: "swept 1 old jobs" in caplog.text)
     assert store.names(f"jobs/{job}/") == []
 
 
@@ -51,7 +57,7 @@ def test_only_one_of_many_monitors_sweeps_in_an_hour(
 ) -> None:
     finished_job(client, store)
     with sweeping(settings, store), sweeping(settings, store):
-        until(lambda: client.hexists(keys.TOTALS, "swept at"), 60)
+        until(lambda: client.hexists(keys.TOTALS, "swept at"))
         store.put(ORPHAN, b"x")
         swept_at, next_at = (
             float(str(client.hget(*field)))
@@ -62,7 +68,7 @@ def test_only_one_of_many_monitors_sweeps_in_an_hour(
             until(lambda: not store.exists(ORPHAN), 0.5)
         # But when the hour is over
         client.hdel(keys.STORE, "next_sweep_at")
-        until(lambda: not store.exists(ORPHAN), 60)
+        until(lambda: not store.exists(ORPHAN))
 
 
 def test_an_error_is_said_and_the_next_sweep_comes(
@@ -73,7 +79,7 @@ def test_an_error_is_said_and_the_next_sweep_comes(
     client.hset(keys.STORE, "id", "ours")
     store.put(MARK, b"another's")
     with sweeping(settings, store):
-        until(lambda: "belong to another Redis" in caplog.text, 60)
+        until(lambda: "belong to another Redis" in caplog.text)
         store.put(MARK, b"ours")
         client.hdel(keys.STORE, "next_sweep_at")
-        until(lambda: not store.exists(ORPHAN), 60)
+        until(lambda: not store.exists(ORPHAN))

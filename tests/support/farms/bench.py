@@ -86,9 +86,6 @@ class Bench:
             thread.join(60)
             assert not thread.is_alive()
 
-    def hashes(self, job: Job) -> list[str]:
-        return [record["sha256"] for record in self.jobs.ledger(job.id).values()]
-
 
 def render_children() -> list[psutil.Process]:
     return children_running("plateau.worker.child")

@@ -2,7 +2,6 @@
 
 import ssl
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -59,10 +58,6 @@ class Receiver:
             assert came, f"{len(self.received)} of {count} requests came"
             return list(self.received)
 
-    def events(self) -> list[str]:
-        """What the requests told, in the order in which they came."""
-        return [one.verified()["type"] for one in list(self.received)]
-
     def take(self, received: Received) -> Answer:
         with self._more:
             self.received.append(received)
@@ -105,13 +100,3 @@ def receiving(
     receiver.url = f"{scheme}://127.0.0.1:{server.server_port}/hook?from=plateau"
     with server, working(lambda: server.serve_forever(0.05), server.shutdown):
         yield receiver
-
-
-def hangs(seconds: float) -> Callable[[int, Received], Answer]:
-    """Answers after so long."""
-
-    def answer(*_: object) -> Answer:
-        time.sleep(seconds)
-        return OK
-
-    return answer

@@ -82,7 +82,7 @@ class Visitor:
         self.url = url
         self.context: BrowserContext = browser.new_context(base_url=url, **options)
         self.page: Page = self.context.new_page()
-        self.page.set_default_timeout(_PATIENCE_MS)
+        self.context.set_default_timeout(_PATIENCE_MS)
         self.page.add_init_script(_TELL_VIOLATIONS)
         #: Statuses that a test expects the API to answer.
         self.expected: set[int] = set()

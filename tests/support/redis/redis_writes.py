@@ -16,6 +16,8 @@ from unittest.mock import patch
 import redis.asyncio.client
 import redis.client
 
+from plateau.farm.redis import link
+
 ROOT: Final = Path(__file__).parents[3]
 
 #: What any module may send; by the server's own word none of it writes.
@@ -56,9 +58,13 @@ def module_of(file: str) -> str | None:
     return module.as_posix() if module.parts[0] == "plateau" else None
 
 
+def _passes_on(module: str) -> bool:
+    return module.split(".")[0] == "redis" or module == link.__name__
+
+
 def _check(command: object, sender: FrameType | None) -> None:
     name = str(command).split()[0].upper()
-    while sender is not None and sender.f_globals.get("__name__", "").split(".")[0] == "redis":
+    while sender is not None and _passes_on(sender.f_globals.get("__name__", "")):
         sender = sender.f_back
     module = None if sender is None else module_of(sender.f_code.co_filename)
     if sender is None or module is None:

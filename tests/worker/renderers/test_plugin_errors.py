@@ -7,10 +7,10 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.states import JobState
-from plateau.worker.supervisor.variants import LLVM, Probe, VariantChoice
+from plateau.worker.supervisor.variants import LLVM, VariantChoice
 from tests.support.farms.bench import SCENE, Bench
 from tests.support.until import until
-from tests.support.variants import VARIANTS, library_for
+from tests.support.variants import VARIANTS, known_probe, library_for
 
 #: Laid in the place of the child's renderer: the real one, with a plugin of the farm's own.
 RENDERER = """
@@ -57,7 +57,7 @@ def test_a_python_exception_while_rendering_fails_the_job_with_one_line(
     (tmp_path / "sitecustomize.py").write_text(BOOT)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     bench = Bench(client, redis_url, store, tmp_path)
-    tried = Probe(variant, library_for(variant), ok=True, detail="")
+    tried = known_probe(variant, library_for(variant))
     choice = VariantChoice(variant, tried.library if variant == LLVM else None, "", (tried,))
     job, _ = bench.job(slices=1, scene=SCENE.format(integrator="faulty"))
     # When a worker renders it

@@ -85,9 +85,9 @@ def log(bench: Bench, job_id: str) -> list[LogEntry]:
 def test_warnings_and_errors_stand_in_the_log_of_the_slice_at_which_they_came(bench: Bench) -> None:
     job, _ = bench.job(slices=3, scene=WARNED_OF)
     wrong = WARNED_OF.replace('<bsdf type="diffuse"/>', '<bsdf type="nosuchplugin"/>')
-    bad, _ = bench.job(slices=1, scene=wrong)
     with bench.worker() as worker:
         until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+        bad, _ = bench.job(slices=1, scene=wrong)
         until(lambda: bench.jobs.get(bad.id).state is JobState.FAILED)
     first, *others = log(bench, job.id)
     assert (first.slice, first.what, first.worker) == (0, "committed", worker.id)

@@ -99,15 +99,21 @@ def test_it_is_tested_again_after_a_day(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("tested")
-def test_other_bits_than_before_refuse_the_worker(tmp_path: Path) -> None:
+def test_other_bits_than_before_refuse_the_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     remember(tmp_path, ANALYTIC, bits="ba9876543210", checked=86400.0)
     trouble = Kinds(tmp_path, CHOICE).trouble(ANALYTIC)
     assert trouble is not None
     assert trouble.startswith(f"{ANALYTIC} renders other bits of a known image (")
     assert "than on 1970-01-02 (ba9876543210), and nothing was upgraded" in trouble
     # And they are what is normal once the file is gone, as it says
+    working = Kinds(tmp_path, CHOICE)
     (tmp_path / "kinds.json").unlink()
     assert Kinds(tmp_path, CHOICE).trouble(ANALYTIC) is None
+    # Where libraries were upgraded under a worker, nothing else is to blame
+    monkeypatch.setattr(identity, "of", lambda _: {"cpu": "another"})
+    assert "upgraded under this worker: start it again" in str(working.trouble(ANALYTIC))
 
 
 @pytest.mark.usefixtures("tested")

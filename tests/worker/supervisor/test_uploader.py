@@ -60,7 +60,7 @@ def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
     uploader = Uploader(store, queue, "worker-1")
     uploader.show(glimpse)
     owners = Ownerships(client, lease_s=60)
-    until(lambda: owners.glimpse(job.id) is not None, 60)
+    until(lambda: owners.glimpse(job.id) is not None)
     (name,) = store.names("")
     assert owners.glimpse(job.id) == name
     partial = decode_partial(store.get(name))
@@ -101,5 +101,5 @@ def test_a_silent_store_holds_up_no_worker_that_stops(
         assert sorted(lease_scalar(other).index for _ in range(3)) == [0, 1, 2]
         # And should one of them arrive after all, it counts once
         server.silent.clear()
-        until(lambda: all(one.name != "uploader" for one in threading.enumerate()), 60)
+        until(lambda: all(one.name != "uploader" for one in threading.enumerate()))
         assert len(Jobs(client).ledger(job.id)) <= 1

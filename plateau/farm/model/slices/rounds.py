@@ -10,8 +10,6 @@ from plateau.farm.model.slices.zones import Grid, Zone
 from plateau.farm.model.spec.parts import ZonesAllocation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from plateau.farm.model.spec import SharedSpec
 
 
@@ -51,19 +49,23 @@ class Round:
 
     def as_json(self) -> str:
         """Return the round as text: zones as the bits of a number, in hexadecimal."""
-        bits = None if self.zones is None else f"{sum(1 << number for number in self.zones):x}"
+        bits = None
+        if self.zones is not None:
+            chosen = set(self.zones)
+            text = "".join(
+                "01"[place in chosen] for place in reversed(range(max(chosen, default=0) + 1))
+            )
+            bits = f"{int(text, 2):x}"
         return json.dumps({**asdict(self), "zones": bits})
 
     @classmethod
     def from_json(cls, text: str) -> Round:
         """Return the round that `as_json` wrote."""
         stored = json.loads(text)
-        zones = None if stored["zones"] is None else tuple(_bits(int(stored["zones"], 16)))
+        if (zones := stored["zones"]) is not None:
+            bits = reversed(f"{int(zones, 16):b}")
+            zones = tuple(place for place, bit in enumerate(bits) if bit == "1")
         return cls(**{**stored, "zones": zones})
-
-
-def _bits(value: int) -> Iterator[int]:
-    return (place for place in range(value.bit_length()) if value >> place & 1)
 
 
 def slice_zones(

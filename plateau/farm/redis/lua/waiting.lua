@@ -68,11 +68,13 @@ end
 
 -- The jobs that a worker leaves to others for a while, by its field `left_out`, each with the time until
 -- which it does (ms).
-local LEFT_OUT_MS = 120000
+local LEFT_OUT_MS, MOST_READ = 120000, 65536
+-- An id has twelve digits: a pattern of this length takes no longer for a hostile text.
+local LEFT_OUT = '(' .. string.rep('%x', 12) .. ') (%d+)'
 
 function Waiting.left_out_of(worker)
-  local jobs, text = {}, redis.call('HGET', worker_key(worker), 'left_out')
-  for id, till in string.gmatch(text or '', '(%S+) (%S+)') do
+  local jobs, text = {}, redis.call('HGET', worker_key(worker), 'left_out') or ''
+  for id, till in lua_string.gmatch(lua_string.sub(text, 1, MOST_READ), LEFT_OUT) do
     if till - now() > 0 then jobs[id] = till end
   end
   return jobs

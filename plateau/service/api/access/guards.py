@@ -3,6 +3,8 @@
 import asyncio
 import contextlib
 import re
+import shutil
+import tempfile
 import time
 from collections.abc import Iterable
 from typing import Final
@@ -65,6 +67,9 @@ ENVELOPE_BYTES: Final = 2 << 20
 
 #: Where forms are read, into files.
 _FORMS: Final = frozenset({"/v1/jobs", "/v1/scenes"})
+#: Of a form, what never goes to the disk, and of that disk, what uploads leave free.
+_MOST_IN_MEMORY: Final = 2**20
+_ROOM: Final = 10**9
 #: The largest body that is no upload; it is read into memory.
 _MOST_OF_A_CHANGE: Final = 2**16
 
@@ -114,10 +119,11 @@ class BodyLimit(Layer):
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > most:
+            is_too_long = received > most
+            if is_too_long or (received > _MOST_IN_MEMORY and _is_nearly_full()):
                 if message.get("more_body"):
                     await discard(receive)
-                raise refusal
+                raise refusal if is_too_long else Problem(problems.NO_ROOM_FOR_UPLOADS)
             return message
 
         await self.app(scope, counted, send)
@@ -132,6 +138,12 @@ class BodyLimit(Layer):
         if most < self._most:
             return _limited(problems.LARGE_FOR_THE_KEY, most, key=caller.name)
         return _limited(problems.UPLOAD_TOO_LARGE, self._most)
+
+
+def _is_nearly_full() -> bool:
+    """Whether uploads have filled their disk so far that Redis and the blobs may soon lack room."""
+    disk = shutil.disk_usage(tempfile.gettempdir())
+    return disk.free < min(_ROOM, disk.total // 20)
 
 
 def _limited(kind: ProblemType, most: int, **fields: str) -> tuple[int, Problem]:

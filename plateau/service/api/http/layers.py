@@ -123,5 +123,8 @@ class KeepSlashes(Layer):
             raw = scope["raw_path"].partition(b"?")[0].decode("ascii", "replace")
             segments = (unquote(segment) for segment in raw.split("/"))
             kept = (one.replace("%", "%25").replace("/", "%2F") for one in segments)
-            scope = {**scope, "path": "/".join(kept)}
-        await self.app(scope, receive, send)
+            asked = {**scope, "path": "/".join(kept)}
+            await self.app(asked, receive, send)
+            scope["route"] = asked.get("route")
+        else:
+            await self.app(scope, receive, send)

@@ -353,6 +353,8 @@ STORE_UNAVAILABLE: Final = ProblemType(
 API_STOPS: Final = STORE_UNAVAILABLE.case("the API stops")
 UPLOAD_NOT_KEPT: Final = STORE_UNAVAILABLE.case(
     "the upload could not be kept: {error}", "", headers={})
+NO_ROOM_FOR_UPLOADS: Final = UPLOAD_NOT_KEPT.case(
+    "the disk on which this API keeps uploads is nearly full", "its operator has to free some")
 
 # fmt: on
 

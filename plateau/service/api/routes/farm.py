@@ -13,7 +13,6 @@ from plateau.farm.ledger.api_keys import KeyLimits, Role
 from plateau.farm.ledger.totals import take_census
 from plateau.farm.model.place_names import PlaceName
 from plateau.farm.model.spec import JobSpec, RenderVariant
-from plateau.farm.redis.link import ping
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import (
@@ -146,8 +145,8 @@ def get_health() -> Health:
 @router.get("/readyz", responses=documented())
 def get_readiness(farm: Farm) -> Health:
     """Say that the API can work: Redis and the blob store answer."""
-    ping(farm.redis)
-    farm.blobs.exists("scenes/none")
+    farm.redis.ping()
+    farm.blobs.size("scenes/none")
     return Health()
 
 

@@ -83,7 +83,8 @@ export class Records {
     const together = [
       ["results.zip", "Zip", "all of these, with the pictures of its points and a summary", links.results],
     ];
-    const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
+    const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])]
+      .filter(([name]) => job.spec.pictures || !name.endsWith(".png"));
     this.#files.replaceChildren(...(files.length ? [...files, ...together].map(([name, short, what, path]) => h("li", {},
       downloadLink(path, `${id}-${name}`, short), " ", h("span", {}, what)))
       : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));

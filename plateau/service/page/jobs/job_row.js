@@ -101,7 +101,7 @@ export class JobRow {
     const job = this.#job;
     const stamp = `${job.image_spp} ${job.finished_at ?? ""}`;
     const due = Boolean(job.finished_at) || Date.now() > this.#picturedAt + PICTURE_EVERY_MS;
-    if (job.image_spp && stamp !== this.#shownPicture && due) {
+    if (job.image_spp && job.spec.pictures && stamp !== this.#shownPicture && due) {
       this.#shownPicture = stamp;
       this.#picturedAt = Date.now();
       this.#picture.show(job.links.thumbnail_png, this.#signal)

@@ -9,6 +9,8 @@ import { Picture } from "../shared/picture.js";
 import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 2000;
+/** The service reads the image of each frame for a film. */
+const FILM_EVERY_MS = 30_000;
 const HEIGHT = 72;
 const WIDTH = 480;
 /** JOD at the bottom of the strip. */
@@ -44,7 +46,7 @@ export function showShot(batch, nameOf) {
     film.picture.letGo();
     map.picture.letGo();
   });
-  let before = "";
+  let before = "", filmed = "";
 
   async function refresh() {
     try {
@@ -57,7 +59,11 @@ export function showShot(batch, nameOf) {
         strip.replaceChildren(stripOf(shot, nameOf, () => dialog.close()));
       }
       setText(wrong, "");
-      if (shot.by_frame.some(({ spp }) => spp)) await film.show(shot.links.film, over.signal);
+      const turn = `${shot.state} ${Math.floor(Date.now() / FILM_EVERY_MS)}`;
+      if (turn !== filmed && shot.by_frame.some(({ spp }) => spp)) {
+        await film.show(shot.links.film, over.signal);
+        filmed = turn;
+      }
       if (shot.looks) await map.show(shot.links.flicker, over.signal);
     } catch (error) {
       if (!over.signal.aborted) setText(wrong, messageOf(error));

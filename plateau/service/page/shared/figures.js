@@ -7,7 +7,7 @@ const TWO = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 2 });
 /** @type {[number, string][]} */
 const LARGE = [[1e12, "trillion"], [1e9, "billion"], [1e6, "million"]];
 /** @type {[number, string][]} */
-const BYTES = [[2 ** 30, "GB"], [2 ** 20, "MB"], [2 ** 10, "kB"]];
+const BYTES = [[1e9, "GB"], [1e6, "MB"], [1e3, "kB"]];
 
 /** A space that keeps a figure and its unit together. */
 const NB = "\u00a0";

@@ -9,6 +9,9 @@ import { Field, valuesOf } from "../shared/form_fields.js";
 /** @type {FieldAbout} */
 const NUMBER = { name: "", label: "", value: "", step: "any", optional: true };
 
+/** The most jobs of a batch. */
+const MOST = 1000;
+
 export class Frames {
   #name = h("select", { id: "frames-of", onchange: () => this.#say() });
   #fields = [
@@ -49,12 +52,13 @@ export class Frames {
     const { first, last, by } = /** @type {Record<string, number>} */ (valuesOf(this.#fields));
     if (!this.#name.value || first === undefined || last === undefined || !(by > 0) || last < first) return null;
     const count = Math.floor((last - first) / by + 1e-9) + 1;
+    if (count > MOST) return null;
     return Array.from({ length: count }, (_, at) => Number((first + at * by).toPrecision(12)));
   }
 
   #say() {
     const values = this.#values();
-    const asked = this.#name.value ? "Say where the values begin and end, upwards." : "";
+    const asked = this.#name.value ? `Say where the values begin and end, upwards: at most ${MOST} of them.` : "";
     setText(this.#said, values ? `${several(values.length, "job")}, in one batch.` : asked);
   }
 

@@ -93,9 +93,14 @@ def body_of(connection: socket.socket, length: int) -> None:
 class TestAHead:
     @pytest.mark.parametrize("how", ["silent", "half a head", "bytes of a head"])
     @pytest.mark.parametrize("which", ["first", "second"])
-    def test_that_does_not_come_ends_the_connection(self, url: str, which: str, how: str) -> None:
+    def test_that_does_not_come_ends_the_connection(
+        self, url: str, which: str, how: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         with connected(url) as connection:
             if which == "second":
+                monkeypatch.setattr(server, "HEAD_S", MOST_S)
+                assert answered(connection)
+                monkeypatch.setattr(server, "HEAD_S", 1.0)
                 assert answered(connection)
             if how != "silent":
                 connection.sendall(HEAD)
@@ -104,7 +109,10 @@ class TestAHead:
             else:
                 assert rest(connection) == b""
 
-    def test_has_no_say_in_uploads_and_streams(self, url: str) -> None:
+    def test_has_no_say_in_uploads_and_streams(
+        self, url: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(server, "HEAD_S", MOST_S)
         with httpx.Client(base_url=url, trust_env=False, verify=False, timeout=MOST_S) as http:
             job = submit(http, BOX).json()["id"]
             # Given a stream of events, and an upload of which half has come
@@ -116,6 +124,7 @@ class TestAHead:
                 assert next(parts)
                 body_of(uploading, len(BOX))
                 uploading.sendall(BOX[:100])
+                monkeypatch.setattr(server, "HEAD_S", 1.0)
                 # When connections that ask for nothing have come and gone since
                 for _ in range(2):
                     with connected(url) as idle:
@@ -131,6 +140,7 @@ class TestAHead:
 def test_a_body_that_stops_ends_the_connection(
     url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    monkeypatch.setattr(server, "HEAD_S", MOST_S)
     monkeypatch.setattr(server, "BODY_S", 1.0)
     with connected(url) as connection:
         body_of(connection, 10**6)

@@ -2,6 +2,8 @@
 
 import hashlib
 import socket
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -13,6 +15,7 @@ from plateau.farm.blobs.store import Blobs
 from tests.support.api_calls import BOX, FILM, problem, submit
 from tests.support.farms.live_api import LARGEST_UPLOAD
 from tests.support.farms.staged_job import StagedJob
+from tests.support.faults.loop_disk import LoopDisk
 from tests.support.scenes.bundles import mesh, scene, zipped
 
 
@@ -164,6 +167,17 @@ class TestABadUpload:
         # and leaves nothing behind
         assert http.get("/v1/jobs").json()["jobs"] == []
         assert http.get("/v1/scenes").json()["scenes"] == []
+
+    def test_is_refused_where_it_would_fill_the_disk(
+        self, http: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        with LoopDisk(tmp_path, megabytes=8) as disk:
+            monkeypatch.setattr(tempfile, "tempdir", str(disk.folder))
+            problem(submit(http, BOX + b" " * 1_100_000), 422, "broken-scene")
+            disk.fill()
+            found = problem(submit(http, BOX + b" " * 1_100_000), 503, "store-unavailable")
+            assert "keeps uploads is nearly full" in found["detail"]
+            monkeypatch.undo()
 
     def test_says_which_line_is_at_fault(self, http: httpx.Client) -> None:
         bundle = zipped({"scene.xml": scene("", mesh("gone.ply"))}).read()

@@ -62,7 +62,7 @@ def ended(client: redis.Redis, *targets: str) -> StagedJob:
 
 def by_json(url: str) -> str:
     """The URL of apprise that POSTs JSON there."""
-    return f"{url.replace('http', 'json', 1).partition('/hook')[0]}/{PATH}"
+    return f"{url.replace('http', 'json', 1).partition('/hook')[0]}/{PATH}?cto=120&rto=120"
 
 
 def delivered(client: redis.Redis, job: StagedJob) -> bool:
@@ -79,7 +79,7 @@ def test_a_note_says_what_ended_and_why(client: redis.Redis, redis_url: str) -> 
         targets = Targets({"ops": by_json(receiver.url)})
         with notifying(redis_url, Notes(targets, "https://farm/")):
             job = ended(client, "ops")
-            until(lambda: delivered(client, job), 60)
+            until(lambda: delivered(client, job))
     [note] = told(receiver)
     assert note["title"] == "box converged"
     for words in (f"Job {job.id}: levelled off", "100 spp", "noise left 0.1"):
@@ -101,7 +101,7 @@ def test_it_has_a_small_picture_where_there_is_one(
             job.end()
             job.finish()
             bare = ended(client, "json")  # it has lost its picture
-            until(lambda: delivered(client, bare) and delivered(client, job), 60)
+            until(lambda: delivered(client, bare) and delivered(client, job))
     attached = {note["title"]: note["attachments"] for note in told(receiver)}
     assert attached["box converged"] == []
     [picture] = attached["seen converged"]
@@ -116,7 +116,7 @@ def test_it_is_tried_again_until_it_succeeds_and_nobody_sees_the_url(
         targets = Targets({"ops": by_json(receiver.url)})
         with notifying(redis_url, Notes(targets)):
             job = ended(client, "ops")
-            until(lambda: delivered(client, job), 60)
+            until(lambda: delivered(client, job))
     assert "`plateau doctor --notify ops` on this machine says why; try 2 follows" in caplog.text
     assert told(receiver)[1]["title"] == "box converged"
     assert PATH in receiver.received[1].path
@@ -137,7 +137,7 @@ def test_of_a_batch_they_hear_of_what_failed_and_of_its_end(
         targets = Targets({"ops": by_json(receiver.url)})
         with notifying(redis_url, Notes(targets)):
             receiver.wait_for(2)
-            until(lambda: delivered(client, third), 60)
+            until(lambda: delivered(client, third))
     notes = {one["title"]: one["message"] for one in told(receiver)}
     assert {*notes} == {"box failed", "batch walk has ended"}
     assert "no such plugin" in notes["box failed"]

@@ -60,7 +60,7 @@ class Farm:
         return found
 
     def await_state(self, job: StagedJob, state: str) -> Notice:
-        until(lambda: self.notice(job).state == state, 60)
+        until(lambda: self.notice(job).state == state)
         return self.notice(job)
 
 

@@ -8,12 +8,15 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta, timezone
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
+import httpcore
 import pytest
 import trustme
 from standardwebhooks import Webhook, WebhookVerificationError
 
+from plateau.service.monitor.notifier import requests as module
 from plateau.service.monitor.notifier.requests import NoResponse, Requests, signed_headers
 from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Answer, receiving
@@ -165,12 +168,24 @@ def test_tls_is_verified_against_the_name_whatever_the_address(
             assert requests().post(receiver.url, headers(), BODY).status == 200
 
 
-def test_what_never_ends_or_never_begins_is_left() -> None:
+def test_what_never_ends_or_never_begins_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     body = b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n" + b"x" * 1_000_000
     with speaking([body]) as url:
         assert requests(total_s=NEVER_S).post(url, headers(), BODY).status == 200
-    with speaking([b"HTTP/1.1 500 Oh\r\nContent-Length: 10\r\n\r\n"]) as url:
-        assert requests(total_s=2).post(url, headers(), BODY).status == 500
+    # Time is over when its body is to be read
+    now_s, read_some = [0.0], module._read_some
+
+    def read_late(response: httpcore.Response) -> None:
+        now_s[0] = 1e9
+        read_some(response)
+
+    with (
+        speaking([b"HTTP/1.1 500 Oh\r\nContent-Length: 10\r\n\r\n"]) as url,
+        monkeypatch.context() as patch,
+    ):
+        patch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+        patch.setattr(module, "_read_some", read_late)
+        assert requests(total_s=60).post(url, headers(), BODY).status == 500
     flood = b"HTTP/1.1 200 OK\r\n" + b"x: " + b"y" * 2_000_000
     with speaking([flood]) as url, pytest.raises(NoResponse):
         requests(total_s=5).post(url, headers(), BODY)
@@ -181,7 +196,9 @@ def test_what_never_ends_or_never_begins_is_left() -> None:
 
 
 class TestTime:
-    def test_a_receiver_that_hangs(self) -> None:
+    def test_a_receiver_that_hangs(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        # For the socket's own limit alone
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: 0.0))
         left = threading.Event()
 
         def wait(*_: object) -> Answer:

@@ -18,6 +18,8 @@ from plateau.farm.model.shot import ShotLook
 from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.process.child import NoAnswer
+from plateau.farm.redis.commands.sweeps import Forget
+from plateau.farm.redis.scripts import Scripts
 from plateau.service.monitor.shots import process, tending
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, ramp
@@ -247,3 +249,14 @@ def test_a_frame_that_is_cancelled_while_it_waits_ends_at_once(farm: ShotFarm) -
     assert [job.state for job in done] == [JobState.CANCELLED, *[JobState.CONVERGED] * 2]
     # It has an image, so the shot was judged with it
     assert farm.record().over == "good"
+
+
+def test_frames_of_a_shot_whose_first_is_forgotten_end_by_their_own_rules(farm: ShotFarm) -> None:
+    first, second = farm.submit_shot(2)
+    with farm.monitor():
+        farm.jobs.cancel(first)
+        until(lambda: farm.jobs.get(first).finished_at)
+        assert Scripts(farm.client).run(Forget(job=first, finished_for_ms=0)) == "forgotten"
+        farm.work(lambda: bool(farm.jobs.get(second).finished_at))
+    done = farm.jobs.get(second)
+    assert (done.state, done.spp) == (JobState.CONVERGED, 40)
