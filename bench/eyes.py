@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bench.support.recordings import PAPER, RECORDED, SCENES, parser_of, recorded, recordings_row
 from bench.support.report import Table, write_report
 from bench.support.truth import Truth, crossing
-from plateau.metric import Half, View, Visible, allowed_pixels
+from plateau.metric import Half, View, Visible
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP, Percept
 from plateau.metric.display import displayed
@@ -65,7 +65,7 @@ def tables(
     """Return the tables of one recording."""
     pixels = recording.shape[1] * recording.shape[2]
     truth = Truth(CompiledVisibleDifferences(PAPER), recording, slice_spp)
-    stop = truth.spp_at(allowed_pixels(Visible().target, pixels), 1000.0)
+    stop = truth.spp_at(Visible().target * pixels, 1000.0)
     at_stop, needs, estimated = [], [], []
     for name, view in VIEWS.items():
         lost = Lost(truth, view)

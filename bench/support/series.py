@@ -31,7 +31,6 @@ from plateau import scenes
 from plateau.farm.images.exr import Pixels, decode_image, decode_partial
 from plateau.metric import Evidence, Rule, View, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.estimate import allowed_pixels
 from plateau.picture.merge import Merge
 
 #: Spp of one slice, the smallest step at which a series can be judged.
@@ -117,7 +116,7 @@ class Series:
 
     def reference_spp(self, target: float) -> int | None:
         """Return the spp from which on D(R_N, I_n) stays under a target; None if it never does."""
-        allowed = allowed_pixels(target, self.pixels**2)
+        allowed = target * self.pixels**2
         counts = list(zip(self.spp, self.truth, strict=True))
         last_above = max((spp for spp, count in counts if count > allowed), default=0)
         return next((spp for spp in self.spp if spp > last_above), None)

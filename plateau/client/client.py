@@ -95,7 +95,7 @@ class Client(JobCalls, BatchCalls, WatchingCalls, ResultCalls, FarmCalls):
     patience_s
         For how long every call is repeated, safely, while the service is away; 0 for one attempt.
     timeout_s
-        Longest time for one answer.
+        Longest time for one answer, but for calls that make jobs, since a scene may be large.
     once_heard_s
         A longer `patience_s` once the service has answered, since it may only be restarting.
     on_version

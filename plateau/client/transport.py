@@ -29,12 +29,15 @@ _LONGEST_WAIT_S: Final = 5.0
 _CONNECT_S: Final = 5.0
 #: Longest time for the service to accept a part of an upload.
 _WRITE_S: Final = 120.0
-#: How long a service may read, check and store a scene.
-_MAKING_S: Final = 4 * 3600.0
+_MAKING_S: Final = 4 * 3600.0  #: how long a service may read, check and store a scene
 #: Notices in two minutes that the other machine is gone, see tcp(7).
 _KEEP_ALIVE: Final = (
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
-    (socket.IPPROTO_TCP, getattr(socket, "TCP_KEEPIDLE", 0x10), 60),
+    *(
+        (socket.IPPROTO_TCP, getattr(socket, name), value)
+        for name, value in (("TCP_KEEPIDLE", 60), ("TCP_KEEPINTVL", 15), ("TCP_KEEPCNT", 4))
+        if hasattr(socket, name)
+    ),
 )
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.

@@ -16,6 +16,8 @@ from plateau.farm.wire.views import Happened, JobView
 
 #: The service sends at least a comment every 15 s while a stream of events is open.
 _SILENCE_S: Final = 45.0
+#: A stream that was open for this long shows that the service was there.
+_LASTING_S: Final = 5.0
 #: A stream may outlast the deadline by this much before it is reopened with a shorter time-out.
 _LATE_S: Final = 1.0
 
@@ -58,13 +60,14 @@ class WatchingCalls(Calls):
             left_s = deadline - time.monotonic()
             if left_s <= 0:
                 raise TimedOut(f"job {job_id}", timeout_s or 0.0)
-            read_s = min(_SILENCE_S, left_s)
+            read_s, began, has_opened = min(_SILENCE_S, left_s), time.monotonic(), False
             try:
                 with self._transport.stream(
                     f"/v1/jobs/{job_id}/events", read_s=read_s, headers={"Last-Event-ID": after}
                 ) as answer:
                     if answer.status_code == httpx.codes.NO_CONTENT:
                         return
+                    has_opened = True
                     lines = _in_time(answer.iter_lines(), deadline, read_s)
                     for event in map(typed, parse_events(lines)):
                         yield event
@@ -74,6 +77,8 @@ class WatchingCalls(Calls):
                             return
                 patience.renew()
             except ClientError as error:
+                if has_opened and time.monotonic() > began + _LASTING_S:  # it was there until now
+                    patience.renew()
                 patience.wait_after(error, at_most_s=deadline - time.monotonic())
 
     def happened(self, job_id: str) -> list[Event]:

@@ -64,7 +64,11 @@ class _Request(BaseHTTPRequestHandler):
         So a scene of gigabytes that many nodes fetch at once is in no memory.
         """
         if self.command == "PUT":
-            blobs.put(name, self.rfile.read(int(self.headers["Content-Length"])))
+            length = int(self.headers["Content-Length"])
+            content = self.rfile.read(length)
+            if len(content) < length:  # who sent it has gone, or sends it again
+                raise ConnectionResetError
+            blobs.put(name, content)
             return 0, ()
         if self.command == "DELETE":
             blobs.delete(name)
@@ -83,7 +87,7 @@ class _Request(BaseHTTPRequestHandler):
         self.send_header("Last-Modified", self.date_time_string())  # the client wants one
         self.send_header("ETag", '"blob"')  # and this: a blob never changes
         self.end_headers()
-        for chunk in body:
+        for chunk in () if self.command == "HEAD" else body:
             self.wfile.write(chunk)
 
     def log_message(self, *_: object) -> None:

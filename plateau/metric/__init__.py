@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from plateau.metric.blend import blended
     from plateau.metric.display import Image, Mask, View, encode_srgb
-    from plateau.metric.estimate import Estimate, allowed_pixels
+    from plateau.metric.estimate import Estimate
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.rules import create_rule
     from plateau.metric.rules.base import Rule, Verdict
@@ -31,7 +31,6 @@ __all__ = [
     "View",
     "Visible",
     "VisibleDifferences",
-    "allowed_pixels",
     "blended",
     "create_rule",
     "encode_srgb",
@@ -40,7 +39,7 @@ __all__ = [
 _HOMES: Final = {
     "blend": ("blended",),
     "display": ("Image", "Mask", "View", "encode_srgb"),
-    "estimate": ("Estimate", "allowed_pixels"),
+    "estimate": ("Estimate",),
     "noise_model": ("Half", "NoiseModel"),
     "rules": ("create_rule",),
     "rules.base": ("Rule", "Verdict"),

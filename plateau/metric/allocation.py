@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from plateau.metric.estimate import allowed_pixels, require_target
+from plateau.metric.estimate import require_target
 from plateau.metric.zone_noise import GROWTH, zone_curves
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def plan_round(
     height, width = model.non_finite.shape
     require_zones((-(-height // size), -(-width // size)), spp, planned)
     curves = zone_curves(metric, model, clean, estimate, size)
-    allowed = allowed_pixels(target, model.pixels)
+    allowed = target * model.pixels
     fewest = samples_after(planned, curves.pixels, sizes)
     needed = _needed(curves, spp, planned, allowed, fewest)
     return next_round(needed, planned, curves.pixels, sizes)

@@ -90,17 +90,6 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     )
 
 
-def allowed_pixels(target: float, pixels: int) -> float:
-    """Return how many pixels a target fraction allows; of a small image it is a part of one.
-
-    Examples
-    --------
-    >>> allowed_pixels(0.001, 65_536), allowed_pixels(0.001, 64)
-    (65.536, 0.064)
-    """
-    return target * pixels
-
-
 def require_target(target: float) -> None:
     """Raise ValueError unless a target fraction lies between 0 and 1."""
     if not 0 < target < 1:

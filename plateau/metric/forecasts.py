@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from plateau.metric.estimate import DETERMINED, allowed_pixels, require_target
+from plateau.metric.estimate import DETERMINED, require_target
 
 if TYPE_CHECKING:
     from plateau.metric.estimate import Estimate
@@ -104,7 +104,7 @@ def forecast_from(
     has how far it is right.
     """
     require_target(target)
-    allowed = allowed_pixels(target, model.pixels)
+    allowed = target * model.pixels
     if estimate.pixels <= allowed:
         return spp
 

@@ -119,12 +119,14 @@ class MergedImage:
         The mean of nᵢ of the n slices has the variance σ²/nᵢ, if σ² is that of a slice. So the sum
         of nᵢ (meanᵢ - mean)² has the expectation 3 σ², and the image has the variance σ²/n.
         """
-        quarters = self.quarters()
-        if quarters is None:
+        sums = self._quarters()
+        if sums is None:
             return {}
-        counts, total = quarters.slices, sum(quarters.slices)
+        counts = [len(range(part, self.slices, 4)) for part in range(4)]
+        total = self.slices
         with np.errstate(invalid="ignore", over="ignore"):
-            parts = [one.astype(np.float64) for one in quarters.means]
+            # As image.exr has them: without what the job wants to see behind the image
+            parts = [self.channels.seen_in(one).astype(np.float64) for one in sums]
             mean = sum(n * one for n, one in zip(counts, parts, strict=True)) / total
             apart = sum(n * np.square(one - mean) for n, one in zip(counts, parts, strict=True))
             variance = np.asarray(apart / ((len(parts) - 1) * total), np.float32)
@@ -161,6 +163,13 @@ class MergedImage:
 
     def quarters(self) -> Quarters | None:
         """Return the images of the slices 0, 4, …, of 1, 5, … and so on; None with fewer than 4."""
+        sums = self._quarters()
+        if sums is None:
+            return None
+        slices = [len(range(part, self.slices, 4)) for part in range(4)]
+        return Quarters([self._image(one, as_seen=False) for one in sums], slices, self._seen)
+
+    def _quarters(self) -> tuple[NDArray[np.float64], ...] | None:
         if not self.has_quarters or self.slices < 4:
             return None
         assert self._even is not None
@@ -168,9 +177,7 @@ class MergedImage:
         assert self._first is not None
         with np.errstate(invalid="ignore", over="ignore"):
             second, third = self._other - self._first, self._even - self._first
-            sums = self._first, second, third, self._without(self._even) - second
-        slices = [len(range(part, self.slices, 4)) for part in range(4)]
-        return Quarters([self._image(one, as_seen=False) for one in sums], slices, self._seen)
+            return self._first, second, third, self._without(self._even) - second
 
     def _zoned_halves(
         self, half: NDArray[np.float64], half_spp: NDArray[np.int64], as_seen: bool

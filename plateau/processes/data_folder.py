@@ -71,10 +71,16 @@ class DataFolder:
 def is_in_use(path: Path) -> bool:
     """Whether a process tree holds the folder; a folder without a lock file counts as in use."""
     try:
-        with (path / "lock").open(encoding="utf-8") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Another user's may be anything: a pipe, which would wait for a writer, or a link.
+        lock = os.open(path / "lock", os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
     except OSError:
         return True
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(lock)
     return False
 
 

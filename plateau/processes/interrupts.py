@@ -2,6 +2,8 @@
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final
 
@@ -23,6 +25,7 @@ class Interrupts:
         self.insisted = Stop()  #: set by the second signal
         self._first: int = signal.SIGINT
         self._before: dict[int, Any] = {}
+        self._ends_at_once = False
 
     @property
     def exit_code(self) -> int:
@@ -41,9 +44,20 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Each signal raises `KeyboardInterrupt` while the context lasts: nothing is to be kept."""
+        self._ends_at_once = True
+        try:
+            yield
+        finally:
+            self._ends_at_once = False
+
     def _count(self, number: int, _: FrameType | None) -> None:
         if self.asked.is_set():
             self.insisted.set()
         else:
             self._first = number
             self.asked.set()
+        if self._ends_at_once:
+            raise KeyboardInterrupt

@@ -1,6 +1,7 @@
 """A farm's Redis for commands that use it directly, whether `plateau up` runs or not."""
 
 from contextlib import ExitStack
+from urllib.parse import quote
 
 from plateau.errors import CommandFailed
 from plateau.farm.process.settings import Settings
@@ -32,7 +33,7 @@ def redis_at_hand(
                 f"{held}; its Redis is not in that folder: set PLATEAU_REDIS_URL and PLATEAU_BLOBS "
                 "to the values that it printed"
             ) from held
-        return f"unix://{socket}"
+        return f"unix://{quote(str(socket))}"
     check_ground(settings, caches=False, has_redis=True, data=data.path)
     server = EmbeddedRedis(data.redis)
     stack.callback(server.stop)

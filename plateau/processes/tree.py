@@ -126,7 +126,10 @@ class Tree:
         return self.url
 
     def check(self) -> None:
-        """Restart dead processes; call it a few times a second."""
+        """Restart dead processes; call it a few times a second.
+
+        Raises `KeyboardInterrupt` after an interrupt while Redis starts again.
+        """
         if self._redis is not None:
             self._start_again(self._redis)
         for member in self._members:
@@ -147,7 +150,7 @@ class Tree:
         if server.process.poll() is not None and time.monotonic() >= self._redis_start_at:
             self.tell(f"Redis {how_ended(server.process.returncode)}; starting it again")
             try:
-                server.start()
+                server.start(self.interrupts.asked.is_set)
             except (StoreUnavailable, OSError) as error:
                 self.tell(str(error))
             self._redis_start_at = time.monotonic() + self._redis_backoff.delay_s()

@@ -113,9 +113,13 @@ class MappedJobs:
         wait(self._submissions, _LAST_WORDS_S)  # what is being submitted has to be cancelled, too
         with self._lock:
             left = [name for name, jobs in self._open.items() if jobs]
-        for batch in left:
-            with suppress(Exception):
-                self._client.cancel_batch(batch)
+        with suppress(Exception):
+            for batch in left:
+                try:
+                    self._client.cancel_batch(batch)
+                except ApiError as error:
+                    if error.status >= 500:  # nor would it take the others
+                        raise
 
     def _counted(self, tasks: Iterator[Task]) -> Iterator[Task]:
         """The tasks, each read before it is wanted: so the last one is known as such."""
@@ -139,7 +143,7 @@ class MappedJobs:
         """Submit alike tasks; returns for each what fetches it, or why there is nothing."""
         try:
             made = [self._jobs(tasks, spec, far * _APART) for far, spec in enumerate(self._specs)]
-        except (BundleError, InvalidSpec, ApiError, _MakerFailed) as error:
+        except (BundleError, InvalidSpec, ApiError, OSError, _MakerFailed) as error:
             if isinstance(error, ApiError) and (
                 error.status >= 500 or error.status in _NOT_OF_A_SCENE
             ):

@@ -185,6 +185,12 @@ def own_farm(
             secret="" if on is None else secrets.token_hex(16),
         )
         stack.enter_context(tree)
+        # First, before the API listens: other users of this machine have no key.
+        from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+        from plateau.farm.redis.link import connect
+
+        with connect(tree.redis_url) as redis:
+            _, key = ApiKeys(redis).create("a user", Role.ADMIN, KeyLimits())
         fleet = None
         # These imports take place while the tree's processes start.
         if on is not None:
@@ -194,11 +200,7 @@ def own_farm(
         import plateau.rendering.outputs
         import plateau.terminal.progress  # noqa: F401
         from plateau.client import Client
-        from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-        from plateau.farm.redis.link import connect
 
-        with connect(tree.redis_url) as redis:  # other users of this machine have no key
-            _, key = ApiKeys(redis).create("a user", Role.ADMIN, KeyLimits())
         client = stack.enter_context(Client(tree.await_api(), key=key, patience_s=_PATIENCE_S))
         yield OwnFarm(client, tree, fleet, tell)
 
@@ -271,7 +273,8 @@ def _run(
     from plateau.client.events import is_rendered
     from plateau.rendering.follow import cancelling, follow, worth_keeping
 
-    job = farm.client.submit(scene, spec)
+    with interrupts.at_once():
+        job = farm.client.submit(scene, spec)
     if not are_compiled():
         shown.note("compiling the model of vision, once on this machine: it takes half a minute")
     cancel_if_asked = cancelling(farm.client, job.id, interrupts, shown)

@@ -150,7 +150,8 @@ def _rendered_there(
     from plateau.rendering.follow import cancelling, follow, worth_keeping
 
     with Client(farm, key=key or api_key(read_settings())) as client:
-        job = client.submit(file, spec)
+        with interrupts.at_once():
+            job = client.submit(file, spec)
         view = shown(client)
         job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
         yield client, worth_keeping(job, interrupts)

@@ -6,7 +6,6 @@ from typing import Literal
 from plateau.farm.redis.commands.command import Command
 
 
-@dataclass(frozen=True, kw_only=True)
 class BeginStudy(Command[None]):
     """Let the pictures of a study be put."""
 
@@ -22,7 +21,6 @@ class MadeStudy:
     study: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
 class CreateStudy(Command[MadeStudy]):
     """Show a study whose pictures have been put."""
 
@@ -33,7 +31,6 @@ class CreateStudy(Command[MadeStudy]):
     most: int  #: studies that are allowed
 
 
-@dataclass(frozen=True, kw_only=True)
 class JoinStudy(Command[Literal["joined", "known", "full", "missing"]]):
     """Take part in a study."""
 
@@ -43,7 +40,6 @@ class JoinStudy(Command[Literal["joined", "known", "full", "missing"]]):
     most: int  #: observers that are allowed
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnswerStudy(Command[str | None]):
     """Note an observer's answer to a pair; answers the stored one, which counts."""
 
@@ -53,7 +49,6 @@ class AnswerStudy(Command[str | None]):
     given: str  #: JSON
 
 
-@dataclass(frozen=True, kw_only=True)
 class ForgetStudy(Command[None]):
     """Forget a study with its observers and answers."""
 

@@ -6,7 +6,7 @@ import pytest
 from plateau.metric import Half, View
 from plateau.metric.allocation import LARGE_ROUNDS, LEAST_SHARE, SMALL_ROUNDS, plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.estimate import allowed_pixels, estimate_from
+from plateau.metric.estimate import estimate_from
 from plateau.metric.noise_model import noise_model
 from plateau.metric.quality_allocation import plan_by_quality
 from tests.support.images import PAPER
@@ -122,7 +122,7 @@ def test_what_is_needed_is_enough(uneven):
         each = uneven / np.sqrt(other.of_pixels(needed))
         noise = other.rng.normal(0, 1, (64, 64, 3)) * each[..., np.newaxis]
         counts.append(METRIC.compare(truth, METRIC.percept(GREY + noise)).count)
-    assert np.mean(counts) == pytest.approx(allowed_pixels(TARGET, 64 * 64), abs=1.5)
+    assert np.mean(counts) == pytest.approx(TARGET * 64 * 64, abs=1.5)
 
 
 @EITHER
@@ -163,7 +163,7 @@ def test_a_film_needs_fewer_samples_by_zones_than_whole(uneven):
         """Return the mean spp at which the target is reached, with a round always in flight."""
         one = film(uneven, seed=11)
         flying = (np.ones_like(one.spp, bool), 100)
-        while one.judged()[2].pixels > allowed_pixels(TARGET, 64 * 64):
+        while one.judged()[2].pixels > TARGET * 64 * 64:
             plan = one.plan(planned=one.spp + flying[0] * flying[1]) if by_zones else None
             one.add(*flying)
             flying = (plan.zones, plan.spp) if plan else (np.ones_like(one.spp, bool), 100)

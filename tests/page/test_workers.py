@@ -38,7 +38,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(first).to_contain_text("pool night · tags gpu, highmem")
     # Its machine, if it says it
     expect(first.locator(".machine")).to_have_text(
-        "93.4 % of 8 cores in use · 8.5 GB of 31.3 GB memory · 774 MB of disk left · 71 °C"
+        "93.4 % of 8 cores in use · 9.12 GB of 33.6 GB memory · 812 MB of disk left · 71 °C"
         " · 0.25 core hours rendered"
     )
     expect(second).not_to_contain_text("pool")

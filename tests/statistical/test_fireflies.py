@@ -10,7 +10,6 @@ from bench.support.film import JUDGING, OTHERS, ROUND, modelled, spread
 from plateau.metric import Evidence, Half
 from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
-from plateau.metric.estimate import allowed_pixels
 from tests.support.images import PAPER
 
 GREY, SIDE, ZONE, TARGET, PILOT, RENDERS = 0.2, 64, 16, 0.001, 100, 4
@@ -36,7 +35,7 @@ def render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
         spp += flying
         estimate = evidence(sums, spp, metric, JUDGING).estimate
         assert estimate is not None
-        if estimate.pixels <= allowed_pixels(TARGET, SIDE**2):
+        if estimate.pixels <= TARGET * SIDE**2:
             zones = sums.sum(axis=0) / spread(spp, ZONE, sums[0])
             means: NDArray[np.float64] = zones.reshape(SIDE // ZONE, ZONE, -1, ZONE).mean((1, 3))
             return means

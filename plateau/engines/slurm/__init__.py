@@ -31,7 +31,8 @@ _STATES: Final = {
 _FAILED: Final = frozenset(("FAILED", "OUT_OF_MEMORY"))
 
 #: Variables that nodes have from the crew, and those of the job in which the command may run.
-_NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*")
+_NOT_PASSED: Final = re.compile(r"PLATEAU_.*|SLURM_(?!CONF$).*|SBATCH_CLUSTERS|SQUEUE_.*")
+_CLUSTERS: Final = re.compile(r"-M.*|--clusters?(=.*)?")
 _SEVERAL_GPUS: Final = re.compile(
     r"(?<!\S)--(gpus(-per-\w+)?[= ](\S+:)?|gres[= ](\S*,)?gpu:([^\s:,]+:)?)([2-9]|1\d)\d*(?![^\s,])"
 )
@@ -48,6 +49,11 @@ class Slurm:
     def __init__(self, options: Sequence[str], crew: Crew) -> None:
         if several := _SEVERAL_GPUS.search(" ".join(options)):
             refuse_several_gpus(several[0].strip())
+        if any(map(_CLUSTERS.fullmatch, options)):
+            raise CommandFailed(
+                "Plateau asks Slurm's own cluster alone: leave out -M and --clusters, and run this "
+                "on a login node of the other one"
+            )
         missing = [
             one for one in ("sbatch", "squeue", "scontrol", "scancel") if shutil.which(one) is None
         ]
@@ -66,7 +72,6 @@ class Slurm:
         """Submit an array of this many tasks."""
         if self._keeper is None:
             self._keeper = self._keep()
-        kept = {n: value for n, value in os.environ.items() if not _NOT_PASSED.fullmatch(n)}
         may_write = os.access(self._logs, os.W_OK)
         output = self._logs / self._log("%A_%a") if may_write else "/dev/null"
         threads = self._crew.threads
@@ -81,7 +86,7 @@ class Slurm:
             f"--array=1-{count}",
             f"--job-name={self._crew.name}",
             str(files(__name__) / "worker.sbatch"),
-            environment={**kept, **self._crew.environment, "PLATEAU_PYTHON": self._crew.python},
+            environment={**self._crew.environment, "PLATEAU_PYTHON": self._crew.python},
         )
 
     def tasks(self) -> Sequence[Task]:
@@ -109,6 +114,7 @@ class Slurm:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
+            env=_kept(),
         )
 
     def _task(self, task: str, name: str, node: str, reason: str) -> Task:
@@ -136,12 +142,17 @@ class Slurm:
         return f"{self._crew.name}-{task}.log"
 
 
+def _kept() -> dict[str, str]:
+    """The variables of this process that may mean Slurm's commands."""
+    return {n: value for n, value in os.environ.items() if not _NOT_PASSED.fullmatch(n)}
+
+
 def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
     """The output of a command."""
     try:
         done = subprocess.run(
             command,
-            env=environment,
+            env={**_kept(), **(environment or {})},
             stdin=subprocess.DEVNULL,
             capture_output=True,
             encoding="utf-8",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 #: A request fails once the store has sent nothing for this long.
 _SILENCE: Final = timedelta(seconds=20)
+_SENDING: Final = timedelta(minutes=30)
 TIMES: "Final[ClientConfig]" = {
     "connect_timeout": timedelta(seconds=5),
     "read_timeout": _SILENCE,
@@ -184,16 +185,17 @@ class Served(Bucket):
     def __init__(self, url: str) -> None:
         parts = urlsplit(url)
         self._gate = Gate()
-        self.store = HTTPStore(
-            f"http://{parts.hostname}:{parts.port}",
-            client_options={
-                **TIMES,
-                "allow_http": True,
-                "default_headers": {"authorization": f"Bearer {parts.username}"},
-            },
-            retry_config=RETRIES,
-        )
+        where = f"http://{parts.hostname}:{parts.port}"
+        options: ClientConfig = {
+            **TIMES,
+            "allow_http": True,
+            "default_headers": {"authorization": f"Bearer {parts.username}"},
+        }
+        self.store = HTTPStore(where, client_options=options, retry_config=RETRIES)
+        # The client's silence lasts while it sends, and a film goes in one request.
+        slow: ClientConfig = {**options, "read_timeout": _SENDING}
+        self._puts = HTTPStore(where, client_options=slow, retry_config=RETRIES)
 
     def put(self, name: str, content: bytes | BinaryIO) -> None:
         """Store a blob whole or not at all."""
-        obstore.put(self.store, name, content, use_multipart=False)
+        obstore.put(self._puts, name, content, use_multipart=False)

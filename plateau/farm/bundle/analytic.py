@@ -12,7 +12,6 @@ fields mean in pixels.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import IO, Any, Final
@@ -152,8 +151,7 @@ def _fits(name: str, value: Any) -> bool:
     if name in ("width", "height"):
         return type(value) is int and value >= 1
     if name == "level":
-        is_number = type(value) in (int, float) and math.isfinite(value)
-        return is_number and 0 <= value <= _MOST_LEVEL
+        return type(value) in (int, float) and 0 <= value <= _MOST_LEVEL
     if name in ("additive", "alpha"):
         return type(value) is bool
     return value in {"light": LIGHTS, "noise": NOISES}[name]

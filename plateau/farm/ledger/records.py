@@ -2,12 +2,13 @@
 
 import json
 import logging
+import re
 import secrets
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import chain, count
-from typing import Any
+from typing import Any, Final
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.model import fit
@@ -25,6 +26,12 @@ from plateau.farm.redis.client import Pipeline, RedisClient
 from plateau.farm.redis.commands.jobs import NewJob
 
 _LOG = logging.getLogger(__name__)
+
+#: What is raised by reading whatever a hostile worker, or one of another version, has written.
+_NONSENSE: Final = (
+    *(ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError),
+)
+_LEFT_OUT: Final = re.compile(r"([0-9a-f]{12}) (\d+)")
 
 
 def fields_of(
@@ -61,23 +68,23 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
     return {int(index): slice_record(records[index]) for index in sorted(records, key=int)}
 
 
-def worker(fields: dict[str, str], now_ms: float) -> Worker:
-    """A worker as its last heartbeat described it."""
-    known = {
-        **json.loads(fields["about"]),
-        "drained": "drained" in fields,
-        "left_out_of": left_out_of(fields, now_ms),
-        "seen_at": moment(fields["seen_at"]),
-    }
-    return Worker.model_validate(known)
+def worker(fields: dict[str, str], now_ms: float) -> Worker | None:
+    """A worker as its last heartbeat described it; None if it has gone, or said nonsense."""
+    with suppress(*_NONSENSE):
+        known = {
+            **json.loads(fields["about"]),
+            "drained": "drained" in fields,
+            "left_out_of": left_out_of(fields, now_ms),
+            "seen_at": moment(fields["seen_at"]),
+        }
+        return Worker.model_validate(known)
+    return None
 
 
 def left_out_of(fields: Mapping[str, str], now_ms: float) -> tuple[str, ...]:
     """The jobs of which the worker of these fields gets no slice for a while."""
-    noted = fields.get("left_out", "").split()
-    return tuple(
-        job for job, until in zip(noted[::2], noted[1::2], strict=False) if float(until) > now_ms
-    )
+    noted = _LEFT_OUT.findall(fields.get("left_out", "")[:65536])  # as the script reads it
+    return tuple(job for job, until in noted if float(until) > now_ms)
 
 
 def prefix_length(indices: Container[int]) -> int:

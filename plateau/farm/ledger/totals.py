@@ -5,20 +5,20 @@ restart of any process loses nothing, and any process can answer for all. The wo
 afresh over the open jobs.
 """
 
-import json
 import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import islice
-from typing import Any, Final
+from typing import Final
 
 from plateau.farm.ledger import records
 from plateau.farm.ledger.workers import ALIVE_S
-from plateau.farm.model.fit import ANY, WorkerClass, parts_of
+from plateau.farm.model.fit import ANY, class_of_worker, parts_of
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.states import JobState
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import NoteSweep
@@ -142,15 +142,17 @@ def take_census(client: RedisClient) -> Census:
         pipe.hmget(keys.job(job_id), _FIELDS)
         pipe.zcard(keys.job(job_id, "lost"))
     answers = iter(pipe.execute())
-    crew = [_Worker.of(fields, now_ms) for fields in islice(answers, len(workers)) if fields]
+    read = [records.worker(one, now_ms) for one in islice(answers, len(workers))]
+    crew = list(filter(None, read))
     owned = sum(int(jobs or 0) for jobs in islice(answers, len(monitors)))
     notices = sum(islice(answers, len(receivers)))
     totals = {name: int(number) for name, number in counted.items()}
     usual_ms = _mean_slice_ms(totals)
 
     @cache
-    def suited(wanted: str) -> list[_Worker]:
-        return [one for one in crew if one.kind is not None and one.kind.serves(wanted)]
+    def suited(wanted: str) -> list[Worker]:
+        takes_work = (one for one in crew if one.trouble is None and not one.drained)
+        return [one for one in takes_work if class_of_worker(one).serves(wanted)]
 
     states: Counter[str] = Counter(dict.fromkeys(_OPEN, 0))
     demand: dict[str, list[Demand]] = defaultdict(list)
@@ -175,7 +177,7 @@ def take_census(client: RedisClient) -> Census:
         unserved=tuple(job_id for _, job_id in sorted(unserved)),
         queue_age_s=(now_ms - oldest_ms) / 1000,
         demand={wanted: _sum(demands) for wanted, demands in demand.items()},
-        workers={state: [one.state for one in crew].count(state) for state in _WORKER_STATES},
+        workers={state: [*map(_state, crew)].count(state) for state in _WORKER_STATES},
         monitors=len(monitors),
         jobs_owned=owned,
         jobs_ended={state: totals.get(f"ended {state}", 0) for state in ENDS},
@@ -189,29 +191,10 @@ def take_census(client: RedisClient) -> Census:
     )
 
 
-@dataclass(frozen=True)
-class _Worker:
-    """A living worker."""
-
-    state: str  #: one of `_WORKER_STATES`
-    kind: WorkerClass | None  #: None where it takes no work
-    left_out_of: tuple[str, ...]
-
-    @classmethod
-    def of(cls, fields: Mapping[str, str], now_ms: float) -> "_Worker":
-        about: dict[str, Any] = json.loads(fields.get("about", "{}"))
-        in_trouble = about.get("trouble") is not None
-        works = "rendering" if about.get("job") is not None else "idle"
-        kind = WorkerClass(
-            tuple(about.get("variants", ())),
-            about.get("pool", DEFAULT_POOL),
-            tuple(about.get("tags", ())),
-        )
-        return cls(
-            "out_of_service" if in_trouble else works,
-            None if in_trouble or "drained" in fields else kind,
-            records.left_out_of(fields, now_ms),
-        )
+def _state(worker: Worker) -> str:
+    if worker.trouble is not None:
+        return "out_of_service"
+    return "idle" if worker.job is None else "rendering"
 
 
 def _demand(job: Mapping[str, str], waiting: int, leased: int, usual_ms: float) -> Demand:

@@ -1,6 +1,5 @@
 """The workers that live, are drained and are resumed; and the heartbeat of monitors."""
 
-from contextlib import suppress
 from typing import Final
 
 from plateau.farm.ledger import records
@@ -26,12 +25,8 @@ class Workers(OnRedis):
         pipe = self._redis.pipeline(transaction=False)
         for worker_id in alive:
             pipe.hgetall(keys.worker(worker_id))
-        workers = []
-        for fields in pipe.execute():
-            # What has gone since, and what a hostile worker has written
-            with suppress(KeyError, TypeError, ValueError):
-                workers.append(records.worker(fields, now))
-        return workers
+        read = (records.worker(fields, now) for fields in pipe.execute())
+        return [worker for worker in read if worker is not None]
 
     def drain(self, worker_id: str) -> None:
         """Give the worker no more slices; it finishes those that it has. Harmless to repeat.

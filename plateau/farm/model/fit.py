@@ -67,7 +67,7 @@ class Crew:
         self._workers = [
             worker for worker in workers if not worker.drained and worker.trouble is None
         ]
-        self._classes = Counter(map(_class_of, self._workers))
+        self._classes = Counter(map(class_of_worker, self._workers))
 
     def fitting(self, job: Job) -> int:
         """How many of them may render the job."""
@@ -79,12 +79,13 @@ class Crew:
         """How many others could, but are left out of it for a while."""
         wanted = class_of(job)
         return sum(
-            job.id in worker.left_out_of and _class_of(worker).serves(wanted)
+            job.id in worker.left_out_of and class_of_worker(worker).serves(wanted)
             for worker in self._workers
         )
 
 
-def _class_of(worker: Worker) -> WorkerClass:
+def class_of_worker(worker: Worker) -> WorkerClass:
+    """What the worker may render, by its description."""
     return WorkerClass(worker.variants, worker.pool, worker.tags)
 
 

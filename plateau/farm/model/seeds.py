@@ -208,7 +208,7 @@ class SeedSchedule:
     def seed_range(self, index: int, spp: int | None = None) -> SeedRange:
         """Return the pass numbers of slice `index`, for the ledger; `spp` as for `pass_spp`."""
         if not 0 <= index < self._most_slices:
-            raise ValueError(f"slice {index} is outside the job's {self._most_slices} slices")
+            raise SeedsExhausted(f"slice {index} is outside the job's {self._most_slices} slices")
         job_seed = (self._first_frames_seed + self.frame_seed) % self._job_seeds
         reserved = job_seed * self._passes_per_job_seed
         if self._draws_sequences:

@@ -134,7 +134,7 @@ class _Pipeline(redis.client.Pipeline):  # type: ignore[misc]
 
 
 class _Redis(redis.Redis):  # type: ignore[misc]
-    """redis-py's client, with the farm's errors."""
+    """redis-py's client, with the farm's errors; subscriptions need `farm_errors` themselves."""
 
     def execute_command(self, *arguments: Any, **options: Any) -> Any:
         with farm_errors():

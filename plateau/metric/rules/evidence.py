@@ -11,7 +11,7 @@ import numpy as np
 from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, plan_round
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
-from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
+from plateau.metric.estimate import Estimate, estimate_from
 from plateau.metric.fireflies import hidden_light
 from plateau.metric.forecasts import forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
@@ -161,7 +161,7 @@ class Evidence:
 
     def allowed_pixels(self, target: float) -> float:
         """Return how many visible pixels a target fraction allows."""
-        return allowed_pixels(target, self.pixels)
+        return target * self.pixels
 
     @cached_property
     def kept_image(self) -> Image:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plateau.errors import needs
 from plateau.farm.model.aovs import AOVS
 from plateau.rendering.mapped import Mapped
-from plateau.rendering.result import IMAGE
+from plateau.rendering.result import IMAGE, Result
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,21 +37,23 @@ def files_of(one: Mapped, layout: str, name: str, max_spp: int) -> dict[str, byt
         return _oidn(one, name, max(_DIGITS, len(str(max_spp))))
     content = one.result.files[IMAGE]
     if one.noisy is not None:
-        content = _with_inputs(one, content)
+        content = _with_inputs(one, one.result, content)
     return {f"{name}.exr": content}
 
 
-def _with_inputs(one: Mapped, content: bytes) -> bytes:
+def _with_inputs(one: Mapped, result: Result, content: bytes) -> bytes:
     """The image with the layers of its independent inputs."""
     with needs("images"):
         from plateau.farm.images.exr import decode_header, encode_layers, input_layer
+        from plateau.farm.images.mattes import attributes_of
 
     layers = dict(one.channels)
     for spp, of_input in one.inputs.items():
         layers |= {f"{input_layer(spp)}.{name}": plane for name, plane in of_input.items()}
     header = decode_header(content)
     kept = {name: value for name, value in header.items() if name.startswith("plateau:")}
-    return encode_layers(layers, kept)
+    compression = result.job.spec.exr.compression
+    return encode_layers(layers, kept | attributes_of(header), compression=compression)
 
 
 def _oidn(one: Mapped, name: str, digits: int) -> dict[str, bytes]:

@@ -7,6 +7,7 @@ separate thread, so that a long evaluation does not cost it a job.
 import logging
 import threading
 import time
+from collections import Counter
 from typing import Final
 
 from plateau.farm.blobs.read_ahead import ReadAhead
@@ -46,7 +47,7 @@ from plateau.service.notices.targets import read_targets
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
-_LACKING_S: Final = 600.0  #: how long a job waits for memory or a process of this machine
+_MOST_LACKS: Final = 60  #: turns without memory or a process, in a row: some ten minutes
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
@@ -73,6 +74,7 @@ class Monitor:
         self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
+        self._lacks: Counter[str] = Counter()  # by job, turns in a row that lacked something
         self._turns = Turns(time.monotonic)
         self._share = Share(time.monotonic)
         self._denoising = Denoising()
@@ -190,8 +192,8 @@ class Monitor:
         job_id = owned.job_id
         try:
             done = self._advance(owned, crew)
-        except BlobsUnavailable as error:
-            _LOG.warning("the job waits: %s", error)
+        except (BlobsUnavailable, OSError, MemoryError) as error:
+            _LOG.warning("the job waits: %s", str(error) or "memory is short")
             self._turns.put_off(job_id)
             return
         except (Incompatible, StoreUnavailable):
@@ -201,6 +203,7 @@ class Monitor:
             self._turns.put_off(job_id)
             return
         self._turns.note_success(job_id)
+        self._lacks.pop(job_id, None)
         if done:
             del self._owned[job_id]
             self._runs.pop(job_id, None)
@@ -230,7 +233,8 @@ class Monitor:
         except (OSError, MemoryError) as error:
             # This machine lacks something, perhaps for a moment. The sums may be half added to.
             self._runs.pop(owned.job_id, None)
-            if self._turns.put_off_s(owned.job_id) < _LACKING_S:
+            self._lacks[owned.job_id] += 1
+            if self._lacks[owned.job_id] < _MOST_LACKS:
                 raise
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)

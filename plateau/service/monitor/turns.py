@@ -60,8 +60,7 @@ class Turns:
         self._round: deque[str] = deque()  # jobs that remain in this round
         self._round_due = float("-inf")  # when the next round begins
         self._round_s = 0.0  # spent in this round
-        # By job: until when, with what waits, and since when.
-        self._put_off: dict[str, tuple[float, Backoff, float]] = {}
+        self._put_off: dict[str, tuple[float, Backoff]] = {}  # until when, by job
 
     @property
     def wait_s(self) -> float:
@@ -74,13 +73,8 @@ class Turns:
 
     def put_off(self, job_id: str) -> None:
         """Leave a job alone for a while, longer each time."""
-        now_s = self._clock()
-        _, backoff, since_s = self._put_off.get(job_id, (0.0, Backoff(*RETRY_S), now_s))
-        self._put_off[job_id] = now_s + backoff.delay_s(), backoff, since_s
-
-    def put_off_s(self, job_id: str) -> float:
-        """For how long the job has been put off again and again, in seconds."""
-        return self._clock() - self._put_off[job_id][2] if job_id in self._put_off else 0.0
+        _, backoff = self._put_off.get(job_id, (0.0, Backoff(*RETRY_S)))
+        self._put_off[job_id] = self._clock() + backoff.delay_s(), backoff
 
     def note_success(self, job_id: str) -> None:
         """End the waits of a job that lacks nothing any more."""

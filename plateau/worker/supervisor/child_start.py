@@ -10,12 +10,13 @@ from typing import Final
 
 from plateau.farm.images.channels import MOST_VALUES
 from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.spec.shared import MOST_INPUTS
 from plateau.farm.process.child import Child
 from plateau.farm.process.lifecycle import plain_environment
 from plateau.worker.supervisor import gpus
 
-#: The films of a slice: its first pass and its sum, in float32.
-_LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
+#: The films of a slice: its sum, its first pass, and the sums of its inputs, in float32.
+_LARGEST_FILMS_BYTES: Final = (2 + MOST_INPUTS) * MOST_VALUES * 4
 
 #: How many files stay where Dr.Jit keeps its kernels, of some 20 kB each; the oldest go first.
 _KERNELS: Final = 10_000

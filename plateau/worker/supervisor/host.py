@@ -10,8 +10,8 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.slices.rounds import slice_zones
 from plateau.farm.process.settings import Settings
-from plateau.worker.renderers.contract import Loaded
-from plateau.worker.supervisor.child_process import Film, RenderChild
+from plateau.worker.renderers.contract import Loaded, SceneError
+from plateau.worker.supervisor.child_process import ChildDied, Film, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.machine import memory_for_children
@@ -158,7 +158,11 @@ class RenderHost:
             files, placed = folder.absolute(), self._scenes.placed
             roots = placed.link(files)
             here = {name: path_for(value, roots, files) for name, value in parameters.items()}
-            loaded = child.load(files, entry, here, spec.sensor, aovs)
+            try:
+                loaded = child.load(files, entry, here, spec.sensor, aovs)
+            except (SceneError, ChildDied):
+                placed.link(files)  # files that have changed meanwhile are no fault of the scene's
+                raise
             placed.link(files)  # they were the same while they were read
             self._loaded = (wanted, loaded)
         return self._loaded[1]

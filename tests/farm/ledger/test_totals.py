@@ -12,7 +12,14 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
-from tests.support.farms.ledger_farm import LedgerFarm, commit, lease_scalar, live_on, record_of
+from tests.support.farms.ledger_farm import (
+    LedgerFarm,
+    about,
+    commit,
+    lease_scalar,
+    live_on,
+    record_of,
+)
 from tests.support.until import until
 
 PIXELS = 8 * 4
@@ -204,9 +211,10 @@ class TestJobs:
 
 
 def test_workers_are_counted_by_what_they_do(farm: Farm) -> None:
-    farm.worker("a").heartbeat({"job": None, "trouble": None}, ())
-    farm.worker("b").heartbeat({"job": "0123456789ab", "trouble": None}, ())
-    farm.worker("c").heartbeat({"job": "0123456789ab", "trouble": "the disk is full"}, ())
+    jobs, full = {"a": None, "b": "0123456789ab", "c": "0123456789ab"}, {"c": "the disk is full"}
+    for name, job in jobs.items():
+        said = {**about(name), "job": job, "trouble": full.get(name)}
+        farm.worker(name).heartbeat(said, ())
     live_on(farm.client, *"abc")
     assert take_census(farm.client).workers == {"idle": 1, "rendering": 1, "out_of_service": 1}
     # Silent ones are gone

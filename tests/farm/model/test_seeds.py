@@ -199,5 +199,5 @@ def test_values_out_of_their_domain_are_refused(change):
 
 @pytest.mark.parametrize("index", [-1, 4])
 def test_there_is_no_slice_outside_the_job(index):
-    with pytest.raises(ValueError, match="outside the job's 4 slices"):
+    with pytest.raises(SeedsExhausted, match="outside the job's 4 slices"):
         SeedSchedule("scalar_rgb", 8, 8, 25, 100).passes(index)

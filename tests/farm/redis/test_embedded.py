@@ -63,8 +63,9 @@ def test_a_log_that_is_mostly_history_is_written_anew_at_the_start(
     server.stop()
 
 
-def test_a_data_folder_with_a_long_path_will_do(tmp_path: Path) -> None:
-    server = EmbeddedRedis(tmp_path / ("long" * 30))
+@pytest.mark.parametrize("name", ["long" * 30, "me@home%41?#"])
+def test_a_data_folder_with_any_path_will_do(tmp_path: Path, name: str) -> None:
+    server = EmbeddedRedis(tmp_path / name)
     assert connect(server.url, 120.0).ping()
     server.stop()
 

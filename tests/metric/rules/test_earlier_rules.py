@@ -3,30 +3,12 @@
 import numpy as np
 import pytest
 
-from plateau.metric import Evidence, VisibleDifferences
+from plateau.metric import Evidence
 from plateau.metric.rules.multiple import Multiple
 from plateau.metric.rules.myszkowski import Myszkowski
 from plateau.metric.rules.reverse import Reverse
 from plateau.metric.rules.successive import Successive
-from tests.support.images import PAPER
-
-METRIC = VisibleDifferences(PAPER)
-SIDE = 32
-
-
-def image_with(visible_pixels):
-    """A white image in which so many pixels are black: it differs from a white one in those."""
-    image = np.ones((SIDE * SIDE, 3), np.float32)
-    image[:visible_pixels] = 0
-    return image.reshape(SIDE, SIDE, 3)
-
-
-def told(rule, counts, *, step=100, start=0):
-    """Judge one image for each count; two images differ visibly by the difference of theirs."""
-    return [
-        rule.judge(Evidence((start + i + 1) * step, image_with(count), None, METRIC))
-        for i, count in enumerate(counts)
-    ]
+from tests.metric.rules.test_reverse import METRIC, SIDE, image_with, told
 
 
 def stops(verdicts):

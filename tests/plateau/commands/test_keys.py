@@ -10,6 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+import redis
 import trustme
 from typer.testing import CliRunner
 
@@ -20,6 +21,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from plateau.processes.tree import Door
 from tests.support.processes.commands import Command, starting
 from tests.support.until import until
 
@@ -43,6 +45,12 @@ def say(tmp_path: Path) -> Say:
         return done.stdout, done.stderr
 
     return run
+
+
+@pytest.fixture
+def ask(say: Say, client: redis.Redis, redis_url: str) -> Say:
+    """Runs a command on a Redis that is there."""
+    return partial(say, PLATEAU_REDIS_URL=redis_url)
 
 
 @pytest.fixture
@@ -75,9 +83,9 @@ class TestTheCommands:
         assert "that was the last key" in say("keys", "revoke", shown[1])[1]
         assert json.loads(say("keys", "list", "--json")[0])[0]["revoked_at"] is not None
 
-    def test_take_their_limits_from_options(self, say: Say) -> None:
+    def test_take_their_limits_from_options(self, ask: Say) -> None:
         options = ("--open-jobs", "9", "--upload-gb", "0.5")
-        document = json.loads(say("keys", "create", "me", "--json", *options)[0])
+        document = json.loads(ask("keys", "create", "me", "--json", *options)[0])
         assert SHOWN.fullmatch(document["key"] + "\n")
         assert document["limits"] == {
             "upload_bytes": 2**29,
@@ -85,20 +93,20 @@ class TestTheCommands:
             "scenes_bytes": 50 * 2**30,
         }
 
-    def test_take_a_key_from_a_file_and_print_it_nowhere(self, say: Say, tmp_path: Path) -> None:
+    def test_take_a_key_from_a_file_and_print_it_nowhere(self, ask: Say, tmp_path: Path) -> None:
         file, shown = tmp_path / "scaler.key", f"plateau_0123456789ab_{'5' * 64}"
         file.write_text(f"{shown}\n")
         for _ in range(2):
-            out, err = say("keys", "create", "scaler", "--role", "viewer", "--from", str(file))
+            out, err = ask("keys", "create", "scaler", "--role", "viewer", "--from", str(file))
             assert out == ""
             assert "took key 0123456789ab (scaler) with the role viewer" in err
             assert "5" * 64 not in err
-        [listed] = json.loads(say("keys", "list", "--json")[0])
+        [listed] = json.loads(ask("keys", "list", "--json")[0])
         assert (listed["id"], listed["role"]) == ("0123456789ab", "viewer")
         file.write_text("")
         assert (
             f"--from: {file} is empty"
-            in say("keys", "create", "scaler", "--from", str(file), code=1)[1]
+            in ask("keys", "create", "scaler", "--from", str(file), code=1)[1]
         )
 
     def test_take_a_key_from_a_file_once_redis_is_there(self, start: Start, tmp_path: Path) -> None:
@@ -127,31 +135,31 @@ class TestTheCommands:
             (("create", "a\nb"), "a key's name has"),
         ],
     )
-    def test_say_what_is_wrong(self, say: Say, arguments: tuple[str, ...], words: str) -> None:
-        out, err = say("keys", *arguments, code=1)
+    def test_say_what_is_wrong(self, ask: Say, arguments: tuple[str, ...], words: str) -> None:
+        out, err = ask("keys", *arguments, code=1)
         assert out == ""
         assert words in err
 
-    def test_know_no_key_that_is_not_there(self, say: Say) -> None:
-        say("keys", "create", "me")
+    def test_know_no_key_that_is_not_there(self, ask: Say) -> None:
+        ask("keys", "create", "me")
         for command in ("revoke", "rotate"):
-            err = say("keys", command, "0123456789ab", code=1)[1]
+            err = ask("keys", command, "0123456789ab", code=1)[1]
             assert err == (
                 "plateau: no key has the id or the name '0123456789ab'; `plateau keys list` shows "
                 "the keys\n"
             )
 
-    def test_know_a_key_by_its_name_where_one_alone_has_it(self, say: Say) -> None:
+    def test_know_a_key_by_its_name_where_one_alone_has_it(self, ask: Say) -> None:
         for name in ("web page", "twice", "twice"):
-            say("keys", "create", name)
-        assert "(web page) has a new secret" in say("keys", "rotate", "web page")[1]
-        assert "(web page) is refused from now on" in say("keys", "revoke", "web page")[1]
+            ask("keys", "create", name)
+        assert "(web page) has a new secret" in ask("keys", "rotate", "web page")[1]
+        assert "(web page) is refused from now on" in ask("keys", "revoke", "web page")[1]
         # Of two that share a name it has to be said which; of one that was revoked, nothing
-        ids = [one["id"] for one in json.loads(say("keys", "list", "--json")[0])][1:]
-        err = say("keys", "revoke", "twice", code=1)[1]
+        ids = [one["id"] for one in json.loads(ask("keys", "list", "--json")[0])][1:]
+        err = ask("keys", "revoke", "twice", code=1)[1]
         assert err == f"plateau: 2 keys have the name 'twice': give an id, of {', '.join(ids)}\n"
-        say("keys", "revoke", ids[0])
-        assert f"key {ids[1]} (twice)" in say("keys", "revoke", "twice")[1]
+        ask("keys", "revoke", ids[0])
+        assert f"key {ids[1]} (twice)" in ask("keys", "revoke", "twice")[1]
 
     def test_find_no_farm_where_there_is_none(self, say: Say) -> None:
         assert "there is no data of Plateau in" in say("keys", "list", code=1)[1]
@@ -259,12 +267,16 @@ class TestAService:
         with Client(f"http://127.0.0.1:{port}") as client, pytest.raises(ApiError, match="API key"):
             list(client.all_jobs())
 
-    def test_may_stay_open_on_this_machine(self, start: Start, say: Say) -> None:
-        say("keys", "create", "me")
-        up = start("up", "--workers", "0", "--port", "0", "--open")
-        with Client(up.wait_for(READY)) as client:
+    def test_may_stay_open_on_this_machine(
+        self, start: Start, ask: Say, redis_url: str, store: Blobs
+    ) -> None:
+        ask("keys", "create", "me")
+        farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": store.where}
+        assert "--open" in Door(open_to_all=True).options()  # as `plateau up --open` passes on
+        api = start("api", "--port", "0", "--open", **farm)
+        with Client(api.wait_for(READY)) as client:
             assert list(client.all_jobs()) == []
-        up.wait_for("as --open asks")
+        api.wait_for("as --open asks")
 
     def test_says_what_is_wrong_with_a_certificate(
         self, start: Start, say: Say, tmp_path: Path

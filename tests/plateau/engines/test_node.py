@@ -128,13 +128,17 @@ def test_an_engine_that_is_not_there_is_refused_before_anything_starts(
         ("slurm '", "names no engine: No closing quotation"),
         ("ray --num-gpus=2", "a worker renders on one GPU: in place of --num-gpus=2 ask for one,"),
         ("slurm --gres=nvme:1,gpu:a100:4", "in place of --gres=nvme:1,gpu:a100:4 ask for one,"),
+        ("slurm --clusters=b", "leave out -M and --clusters"),
         ("slurm --gpus-per-task 2 --mem=8G", "in place of --gpus-per-task 2 ask for one,"),
     ):
         code, _, said = plateau("render", "scenes:box", "--on", on)
         assert (code, words in said) == (1, True), said
     monkeypatch.setenv("PATH", str(tmp_path))
     code, _, said = plateau(
-        "render", "scenes:box", "--on", "slurm --gres=gpu:1,nvme:2 --comment=--gpus=2"
+        "render",
+        "scenes:box",
+        "--on",
+        "slurm --gres=gpu:1,nvme:2 --comment=--gpus=2 --cluster-constraint=x",
     )
     assert code == 1
     assert "these commands of Slurm are not on the PATH: sbatch, squeue, scontrol, scancel" in said

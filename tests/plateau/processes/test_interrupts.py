@@ -3,6 +3,8 @@
 import os
 import signal
 
+import pytest
+
 from plateau.processes.interrupts import Interrupts
 
 
@@ -27,3 +29,9 @@ def test_what_nohup_ignores_stays_ignored() -> None:
             assert not interrupts.asked.is_set()
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_where_nothing_is_to_be_kept_the_first_ends_it_at_once() -> None:
+    with Interrupts() as interrupts, pytest.raises(KeyboardInterrupt), interrupts.at_once():
+        signal.raise_signal(signal.SIGTERM)
+    assert interrupts.asked.is_set()

@@ -111,11 +111,12 @@ def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
 
 def test_a_background_is_seen_and_judged_and_the_exr_does_not_have_it(farm: NoiseFarm) -> None:
     background = (0.5, 0.25, 1.0)
-    black = finished(farm, aovs=AOVS)
-    coloured = finished(farm, aovs=AOVS, view={"background": background})
+    black = finished(farm, aovs=AOVS, variance=True)
+    coloured = finished(farm, aovs=AOVS, variance=True, view={"background": background})
     # The EXR is the same, premultiplied
     layers, before = (decode_layers(farm.picture(one, "image.exr")) for one in (coloured, black))
-    assert all(np.array_equal(layers[name], before[name]) for name in NAMES)
+    names = (*NAMES, *(f"variance.{name}" for name in "RGB"))
+    assert all(np.array_equal(layers[name], before[name]) for name in names)
     # The picture shows it where the image is not opaque
     colour = np.stack([layers[name] for name in "RGB"], axis=-1)
     over = colour + (1 - layers["A"][..., None]) * np.array(background, np.float32)

@@ -136,6 +136,7 @@ def _attacks(victims: dict[str, str]) -> dict[str, Callable[[], object]]:
         "change its own program": lambda: Path(__file__).open("ab").close(),
         "link a secret": lambda: os.link(secret, Path.home() / ".drjit" / "link"),
         "change who may read": lambda: secret.chmod(0o666),
+        "change when it was written": lambda: os.utime(secret, (0, 0)),
         "give a file away": lambda: os.chown(secret, os.getuid(), os.getgid()),
         "mark a file": lambda: os.setxattr(secret, "user.mark", b"x"),
         "make a device": lambda: os.mknod(data / "device", 0o020666, os.makedev(1, 3)),

@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from plateau.farm.redis.commands.command import Command
@@ -12,7 +11,6 @@ from plateau.farm.redis.scripts import text
 def named(name: str, **fields: object) -> Command[Any]:
     """A command of this name with these fields, whatever its own are."""
 
-    @dataclass(frozen=True, kw_only=True)
     class Named(Command[Any]):
         @classmethod
         def lua_name(cls) -> str:

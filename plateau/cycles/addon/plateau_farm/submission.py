@@ -105,6 +105,8 @@ class Submission:
             self._news.put(News(str(error), is_over=True, is_error=True))
         except OSError as error:
             self._news.put(News(f"this machine: {error}", is_over=True, is_error=True))
+        except Exception as error:  # noqa: BLE001  (nobody else would hear of it)
+            self._news.put(News(f"it failed: {error!r}", is_over=True, is_error=True))
 
     def _tell(self, text: str) -> None:
         self._news.put(News(text))
@@ -137,7 +139,8 @@ class Submission:
         while not self._left.is_set():
             try:
                 if self._cancelled.is_set() and not is_told:
-                    self._farm.cancel(job_id)
+                    if not self._farm.job(job_id)["ended_at"]:
+                        self._farm.cancel(job_id)
                     is_told = True
                 job = self._farm.job(job_id)
                 picture = None

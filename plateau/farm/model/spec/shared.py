@@ -30,6 +30,9 @@ from plateau.farm.model.spec.rule_specs import JodSpec, ReverseSpec, RuleSpec
 from plateau.farm.model.spec.view import DENSITIES, FROM_PLACE, ViewSpec
 from plateau.rules import CURVE, MOST_SPP
 
+#: Noisy images that image.exr may have beside its own.
+MOST_INPUTS: Final = 16
+
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 
 _Spec = TypeVar("_Spec", bound="SharedSpec")
@@ -188,7 +191,7 @@ class SharedSpec(Strict):
     )
     inputs: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], texts.LIST] = Field(
         default=(),
-        max_length=16,
+        max_length=MOST_INPUTS,
         description="samples per pixel, rising, of noisy images that image.exr has as layers "
         "`spp0004.R` and so on, with all channels: sums of the first passes, at most of a slice",
     )

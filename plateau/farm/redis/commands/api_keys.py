@@ -1,11 +1,8 @@
 """Commands that store API keys, and note their use."""
 
-from dataclasses import dataclass
-
 from plateau.farm.redis.commands.command import Command
 
 
-@dataclass(frozen=True, kw_only=True)
 class PutKey(Command[bool]):
     """Store a key; answers whether the stored one was still `instead_of`."""
 
@@ -14,7 +11,6 @@ class PutKey(Command[bool]):
     known: str  #: JSON
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoteUse(Command[None]):
     """Note that a key is used."""
 

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Annotated, Any, Generic, TypeVar, get_args
 
 from pydantic import BeforeValidator, TypeAdapter
+from typing_extensions import dataclass_transform
 
 Reply = TypeVar("Reply")
 Item = TypeVar("Item")
@@ -15,12 +16,16 @@ Item = TypeVar("Item")
 Items = Annotated[tuple[Item, ...], BeforeValidator(lambda found: found or ())]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 class Command(Generic[Reply]):
-    """A command of the script; Lua gets a table of its fields that are not None.
+    """A command of the script, a dataclass; Lua gets a table of its fields that are not None.
 
     JSON from Lua has 14 digits, so a number that must come back to the bit passes as text.
     """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
     @cache

@@ -38,7 +38,6 @@ class Made:
     state: str = ""  #: and how it stands: ``missing``, ``deleted``, ``lost`` or a job's state
 
 
-@dataclass(frozen=True, kw_only=True)
 class CreationCommand(Command[Reply]):
     """A command that creates jobs."""
 
@@ -47,7 +46,6 @@ class CreationCommand(Command[Reply]):
     priority: int
 
 
-@dataclass(frozen=True, kw_only=True)
 class Create(CreationCommand[Made]):
     """Create jobs, many of one batch or a single one; all or none."""
 
@@ -63,7 +61,6 @@ class DecidedRound:
     json: str  #: of a `plateau.farm.model.slices.rounds.Round`
 
 
-@dataclass(frozen=True, kw_only=True)
 class Continue(CreationCommand[Made]):
     """Create a job that continues a finished one."""
 
@@ -87,7 +84,6 @@ class Moved:
     state: str = ""  #: if illegal, the state that forbids it, or ``missing``
 
 
-@dataclass(frozen=True, kw_only=True)
 class End(Command[Moved]):
     """End a job."""
 
@@ -102,7 +98,6 @@ class End(Command[Moved]):
     notes: str | None = None  #: JSON; None where they stay as they are
 
 
-@dataclass(frozen=True, kw_only=True)
 class Pause(Command[Moved]):
     """Pause a job that is rendering."""
 
@@ -111,7 +106,6 @@ class Pause(Command[Moved]):
     holds_back: bool = False  #: hold back a queued one, too
 
 
-@dataclass(frozen=True, kw_only=True)
 class Resume(Command[Moved]):
     """Resume a paused job, or release one that is held back."""
 
@@ -119,7 +113,6 @@ class Resume(Command[Moved]):
     reason: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reprioritise(Command[Moved]):
     """Give a job another priority."""
 
@@ -135,7 +128,6 @@ class Deleted:
     state: str = ""  #: if illegal, the state that forbids it, or ``missing``
 
 
-@dataclass(frozen=True, kw_only=True)
 class SetDeleted(Command[Deleted]):
     """Delete an ended job, or restore it."""
 

@@ -6,7 +6,6 @@ from typing import Literal
 from plateau.farm.redis.commands.command import Command, Items
 
 
-@dataclass(frozen=True, kw_only=True)
 class MonitorHeartbeat(Command[None]):
     """Report that a monitor lives."""
 
@@ -15,7 +14,6 @@ class MonitorHeartbeat(Command[None]):
     life_ms: int  #: after this time without a heartbeat it counts as dead
 
 
-@dataclass(frozen=True, kw_only=True)
 class Drain(Command[Literal["drained", "working", "missing"]]):
     """Tell a worker to take no more slices, or to take some again."""
 
@@ -24,7 +22,6 @@ class Drain(Command[Literal["drained", "working", "missing"]]):
     alive_ms: int  #: after this time without a heartbeat it counts as dead
 
 
-@dataclass(frozen=True, kw_only=True)
 class Pair(Command[str]):
     """Give Redis the id that it shares with its blob store; answers the id that it has now."""
 
@@ -40,7 +37,6 @@ class LeaseName:
     entry: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Heartbeat(Command[Items[LeaseName]]):
     """Report that a worker lives, and renew its leases; answers the lost ones."""
 
@@ -50,7 +46,6 @@ class Heartbeat(Command[Items[LeaseName]]):
     leases: tuple[LeaseName, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
 class Leave(Command[None]):
     """Sign a worker off."""
 

@@ -20,7 +20,6 @@ class DueNotice:
     sealed: Items[str] = field(repr=False)  #: and of the one that workers cannot change
 
 
-@dataclass(frozen=True, kw_only=True)
 class TakeNotice(Command[DueNotice | None]):
     """Lease the first due notice."""
 
@@ -29,7 +28,6 @@ class TakeNotice(Command[DueNotice | None]):
     busy: tuple[str, ...]  #: receivers
 
 
-@dataclass(frozen=True, kw_only=True)
 class SettleNotice(Command[Literal["settled", "lost"]]):
     """Report how a try of a notice ended."""
 
@@ -41,7 +39,6 @@ class SettleNotice(Command[Literal["settled", "lost"]]):
     delay_ms: int  #: until the next try
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoteTroubles(Command[Items[str]]):
     """Note the troubles that there are, as ``SCOPE TARGET TROUBLE``; answers those to tell now."""
 
@@ -51,7 +48,6 @@ class NoteTroubles(Command[Items[str]]):
     lease_ms: int  #: for which its caller may tell it
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoteTold(Command[None]):
     """Note that someone was notified of a trouble."""
 

@@ -16,7 +16,6 @@ class Ownership:
     token: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Own(Command[str | None]):
     """Take a job that nobody owns; answers the token."""
 
@@ -24,7 +23,6 @@ class Own(Command[str | None]):
     lease_ms: int
 
 
-@dataclass(frozen=True, kw_only=True)
 class Renew(Command[Items[str]]):
     """Renew the ownership of jobs; answers those that were lost."""
 
@@ -32,14 +30,12 @@ class Renew(Command[Items[str]]):
     owned: tuple[Ownership, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
 class Disown(Command[None]):
     """Give jobs back."""
 
     owned: tuple[Ownership, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
 class OwnerCommand(Command[Reply]):
     """A command of the owner's; another monitor gets the answer ``fenced``, or None."""
 
@@ -47,7 +43,6 @@ class OwnerCommand(Command[Reply]):
     token: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Plan(OwnerCommand[Literal["planned", "fenced", "ended"]]):
     """Let the slices before this one be leased."""
 
@@ -55,7 +50,6 @@ class Plan(OwnerCommand[Literal["planned", "fenced", "ended"]]):
     expected_spp: int | None  #: where the job is expected to end
 
 
-@dataclass(frozen=True, kw_only=True)
 class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
     """Append a point to the curve, and the round that its image decides."""
 
@@ -65,7 +59,6 @@ class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
     is_last: bool  #: whether no more samples are needed
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reject(OwnerCommand[int | None]):
     """Have a slice rendered again; answers how often that has happened to it."""
 
@@ -74,7 +67,6 @@ class Reject(OwnerCommand[int | None]):
     cause: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Show(OwnerCommand[Literal["shown", "fenced"]]):
     """Show a set of results."""
 
@@ -83,7 +75,6 @@ class Show(OwnerCommand[Literal["shown", "fenced"]]):
     digests: Mapping[str, str] | None  #: their SHA-256 by blob
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoteBlob(OwnerCommand[Literal["noted", "fenced"]]):
     """Note the digest of a blob of the job."""
 
@@ -91,7 +82,6 @@ class NoteBlob(OwnerCommand[Literal["noted", "fenced"]]):
     sha256: str | None  #: None to forget it
 
 
-@dataclass(frozen=True, kw_only=True)
 class Save(OwnerCommand[Literal["saved", "fenced"]]):
     """Note the job's last checkpoint."""
 
@@ -99,7 +89,6 @@ class Save(OwnerCommand[Literal["saved", "fenced"]]):
     waits: str | None  #: JSON of a `plateau.farm.model.shot.FrameWait`, if it does
 
 
-@dataclass(frozen=True, kw_only=True)
 class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
     """Note that the results of an ended job are written."""
 
@@ -110,13 +99,11 @@ class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
     spp_range: tuple[int, int] | None  #: by zones, the least and the most of the final image
 
 
-@dataclass(frozen=True, kw_only=True)
 class Finish(OwnerCommand[Literal["finished", "fenced"]]):
     """Note that an ended job is cleared."""
 
     keeps_sums: bool
 
 
-@dataclass(frozen=True, kw_only=True)
 class Abandon(OwnerCommand[Literal["abandoned", "kept", "fenced"]]):
     """Note that Redis has lost the job."""

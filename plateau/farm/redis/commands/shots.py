@@ -17,7 +17,6 @@ class AnsweredFrame:
     answer: str  #: JSON of a `plateau.farm.model.shot.FrameAnswer`; "": it waits no more
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnswerFrames(Command[Literal["answered", "known"]]):
     """Note a look at a shot, once, and what it said to frames."""
 

@@ -34,7 +34,6 @@ class Offer:
     wait_ms: float | None = None  #: without a slice: until another worker's may be late
 
 
-@dataclass(frozen=True, kw_only=True)
 class Lease(Command[Offer]):
     """Ask for the next slice."""
 
@@ -46,7 +45,6 @@ class Lease(Command[Offer]):
     most_tries: int
 
 
-@dataclass(frozen=True, kw_only=True)
 class LeaseCommand(Command[Reply]):
     """A command about a leased slice."""
 
@@ -55,7 +53,6 @@ class LeaseCommand(Command[Reply]):
     worker: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class TryCommand(LeaseCommand[Reply]):
     """A command that ends a try of a slice."""
 
@@ -65,7 +62,6 @@ class TryCommand(LeaseCommand[Reply]):
     said: str  #: the render child's output
 
 
-@dataclass(frozen=True, kw_only=True)
 class Commit(TryCommand[CommitEnd]):
     """Enter a rendered slice into the ledger."""
 
@@ -76,14 +72,12 @@ class Commit(TryCommand[CommitEnd]):
     variant: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Glimpse(LeaseCommand[Literal["noted", "lost", "late"]]):
     """Note the blob of the first pass of a job's first slice."""
 
     blob: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Died(TryCommand[Literal["put back", "poisoned", "lost"]]):
     """Report that a render child died on a slice."""
 
@@ -92,7 +86,6 @@ class Died(TryCommand[Literal["put back", "poisoned", "lost"]]):
     alive_ms: int  #: a worker without a heartbeat for longer is dead
 
 
-@dataclass(frozen=True, kw_only=True)
 class HandBack(TryCommand[Literal["put back", "lost"]]):
     """Give a slice back that nobody died on."""
 
@@ -101,7 +94,6 @@ class HandBack(TryCommand[Literal["put back", "lost"]]):
     leaves_out: bool  #: whether the worker takes nothing of the job for a while
 
 
-@dataclass(frozen=True, kw_only=True)
 class Fail(TryCommand[Literal["failed", "lost"]]):
     """Fail a job whose scene cannot be rendered."""
 

@@ -1,24 +1,20 @@
 """Commands that begin sweeps, and remove finished jobs and their sums."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from plateau.farm.redis.commands.command import Command
 
 
-@dataclass(frozen=True, kw_only=True)
 class BeginSweep(Command[bool]):
     """Begin a sweep, unless one was begun within this time."""
 
     every_ms: int
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoteSweep(Command[None]):
     """Note that a sweep has ended."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Forget(Command[Literal["forgotten", "kept", "missing"]]):
     """Forget a finished job: one that finished, or was deleted, this long ago."""
 
@@ -27,7 +23,6 @@ class Forget(Command[Literal["forgotten", "kept", "missing"]]):
     deleted_for_ms: int | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class DropSums(Command[Literal["dropped", "kept"]]):
     """Drop the sums of a job that finished this long ago."""
 

@@ -106,7 +106,8 @@ function Waiting.is_served_by_another(worker, id, alive_ms)
   local class = Waiting.class_of(id)
   for _, other in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - alive_ms, '+inf')) do
     local about, drained = unpack(redis.call('HMGET', worker_key(other), 'about', 'drained'))
-    about = cjson.decode(about or '{}')
+    local read, it = pcall(cjson.decode, about)
+    about = read and type(it) == 'table' and it or {}
     local takes_work = other ~= worker and not drained and not given(about.trouble)
     if takes_work and Waiting.variant_of(Waiting.kind_of(about), class)
        and not Waiting.left_out_of(other)[id] then return true end

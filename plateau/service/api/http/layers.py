@@ -124,7 +124,9 @@ class KeepSlashes(Layer):
             segments = (unquote(segment) for segment in raw.split("/"))
             kept = (one.replace("%", "%25").replace("/", "%2F") for one in segments)
             asked = {**scope, "path": "/".join(kept)}
-            await self.app(asked, receive, send)
-            scope["route"] = asked.get("route")
+            try:
+                await self.app(asked, receive, send)
+            finally:
+                scope["route"] = asked.get("route")
         else:
             await self.app(scope, receive, send)

@@ -61,8 +61,7 @@ export function showShot(batch, nameOf) {
       setText(wrong, "");
       const turn = `${shot.state} ${Math.floor(Date.now() / FILM_EVERY_MS)}`;
       if (turn !== filmed && shot.by_frame.some(({ spp }) => spp)) {
-        await film.show(shot.links.film, over.signal);
-        filmed = turn;
+        if (await film.show(shot.links.film, over.signal)) filmed = turn;
       }
       if (shot.looks) await map.show(shot.links.flicker, over.signal);
     } catch (error) {
@@ -91,8 +90,10 @@ class Shown {
     try {
       await this.picture.show(path, signal);
       this.element.hidden = false;
+      return true;
     } catch (error) {
       if (!isProblem(error, "no-image-yet")) throw error;
+      return false;
     }
   }
 }

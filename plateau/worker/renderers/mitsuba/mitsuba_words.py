@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 #: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
 _OUR_FRAMES = 2
 
-#: In what Mitsuba says where its C++ has no memory.
-_OUT_OF_MEMORY: Final = "std::bad_alloc"
+#: In what Mitsuba and Dr.Jit say where their C++ has no memory.
+_OUT_OF_MEMORY: Final = ("std::bad_alloc", "jit_malloc(): out of memory")
 
 _MOST_LOG_BYTES: Final = 2**24
 
@@ -49,8 +49,8 @@ def scene_errors(*folders: Path) -> Iterator[None]:
         raise
     except Exception as error:
         message = without_folders(str(error).strip(), folders) or type(error).__name__
-        if _OUT_OF_MEMORY in message:
-            raise MemoryError(message) from error
+        if lack := next(filter(_is_lack_of_memory, _causes(error)), None):
+            raise MemoryError(str(lack)) from error
         first = first_words(message)
         if len(traceback.extract_tb(error.__traceback__)) > _OUR_FRAMES:
             traceback.print_exception(error)
@@ -58,6 +58,17 @@ def scene_errors(*folders: Path) -> Iterator[None]:
         elif first != message:
             print(message, file=sys.stderr, flush=True)
         raise SceneError(first) from error
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """The error, and those that led to it: a loop of Dr.Jit's tells only of another."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _is_lack_of_memory(error: BaseException) -> bool:
+    return any(words in str(error) for words in _OUT_OF_MEMORY)
 
 
 @contextmanager
