@@ -25,7 +25,7 @@ class Interrupts:
         self.insisted = Stop()  #: set by the second signal
         self._first: int = signal.SIGINT
         self._before: dict[int, Any] = {}
-        self._ends_at_once = False
+        self._ends_by: Stop | None = None
 
     @property
     def exit_code(self) -> int:
@@ -45,13 +45,13 @@ class Interrupts:
             signal.signal(number, handler)
 
     @contextmanager
-    def at_once(self) -> Iterator[None]:
-        """Each signal raises `KeyboardInterrupt` while the context lasts: nothing is to be kept."""
-        self._ends_at_once = True
+    def ended_by(self, order: Stop) -> Iterator[None]:
+        """Raise `KeyboardInterrupt` at once, at `asked` or at `insisted`, while this lasts."""
+        self._ends_by = order
         try:
             yield
         finally:
-            self._ends_at_once = False
+            self._ends_by = None
 
     def _count(self, number: int, _: FrameType | None) -> None:
         if self.asked.is_set():
@@ -59,5 +59,5 @@ class Interrupts:
         else:
             self._first = number
             self.asked.set()
-        if self._ends_at_once:
+        if self._ends_by is not None and self._ends_by.is_set():
             raise KeyboardInterrupt

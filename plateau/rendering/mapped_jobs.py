@@ -30,6 +30,7 @@ _LAST_WORDS_S: Final = 5.0
 #: How far the seed of an independent input is from that of its reference: odd, as the number of
 #: seeds is often a power of two.
 _APART: Final = JOB_SEEDS // 2 + 1
+_UNREADABLE: Final = (PermissionError, FileNotFoundError)  #: a file of a scene's
 #: Answers of a service that are the caller's fault, and no scene's.
 _NOT_OF_A_SCENE: Final = frozenset({401, 403, 408, 409, 429})
 
@@ -143,7 +144,7 @@ class MappedJobs:
         """Submit alike tasks; returns for each what fetches it, or why there is nothing."""
         try:
             made = [self._jobs(tasks, spec, far * _APART) for far, spec in enumerate(self._specs)]
-        except (BundleError, InvalidSpec, ApiError, OSError, _MakerFailed) as error:
+        except (BundleError, InvalidSpec, ApiError, *_UNREADABLE, _MakerFailed) as error:
             if isinstance(error, ApiError) and (
                 error.status >= 500 or error.status in _NOT_OF_A_SCENE
             ):

@@ -185,14 +185,13 @@ def own_farm(
             secret="" if on is None else secrets.token_hex(16),
         )
         stack.enter_context(tree)
-        # First, before the API listens: other users of this machine have no key.
+        # These imports take place while the tree's processes start.
         from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
         from plateau.farm.redis.link import connect
 
-        with connect(tree.redis_url) as redis:
+        with connect(tree.redis_url) as redis:  # before the API listens: nobody else has a key
             _, key = ApiKeys(redis).create("a user", Role.ADMIN, KeyLimits())
         fleet = None
-        # These imports take place while the tree's processes start.
         if on is not None:
             from plateau.engines.start import nodes
 
@@ -273,7 +272,7 @@ def _run(
     from plateau.client.events import is_rendered
     from plateau.rendering.follow import cancelling, follow, worth_keeping
 
-    with interrupts.at_once():
+    with interrupts.ended_by(interrupts.asked):
         job = farm.client.submit(scene, spec)
     if not are_compiled():
         shown.note("compiling the model of vision, once on this machine: it takes half a minute")

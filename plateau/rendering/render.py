@@ -150,7 +150,7 @@ def _rendered_there(
     from plateau.rendering.follow import cancelling, follow, worth_keeping
 
     with Client(farm, key=key or api_key(read_settings())) as client:
-        with interrupts.at_once():
+        with interrupts.ended_by(interrupts.insisted):  # at the first, the job is cancelled
             job = client.submit(file, spec)
         view = shown(client)
         job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))

@@ -88,6 +88,11 @@ def printable(text: str) -> str:
     )
 
 
+def on_one_line(text: str) -> str:
+    """The printable text, its lines one after the other."""
+    return " ".join(printable(text).splitlines())
+
+
 def _fields() -> dict[str, str | int]:
     return {**_PROCESS, **concerns()}
 

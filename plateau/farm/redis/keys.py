@@ -187,26 +187,19 @@ def scene_going(sha256: str) -> str:
 #: standalone, Sentinel or managed; not a cluster.)
 LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
-local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
-local DELETED = '{DELETED}'
-local FREE = '{FREE}'
-local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
+local JOBS, UNFINISHED, OPEN, DELETED = '{JOBS}', '{UNFINISHED}', '{OPEN}', '{DELETED}'
+local WAITING, LEASES, LATE, FREE = '{WAITING}', '{LEASES}', '{LATE}', '{FREE}'
 local NEEDS, IDLE, IDLE_KINDS = '{NEEDS}', '{IDLE}', '{IDLE}:kinds'
 local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
-local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
-local SCHEMA, STORE = '{SCHEMA}', '{STORE}'
-local HEARD = '{HEARD}'
+local MONITORS, TOTALS, TROUBLES = '{MONITORS}', '{TOTALS}', '{TROUBLES}'
+local SCHEMA, STORE, HEARD = '{SCHEMA}', '{STORE}', '{HEARD}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
 local NOTICES, WAKE_NOTIFIER = '{NOTICES}', '{WAKE_NOTIFIER}'
-local function job_key(id, part)
-  if part then return PREFIX .. 'job:' .. id .. ':' .. part end
-  return PREFIX .. 'job:' .. id
-end
-local TROUBLES = '{TROUBLES}'
+local function job_key(id, part) return PREFIX .. 'job:' .. id .. (part and ':' .. part or '') end
 local BATCHES, AWAITING = '{BATCHES}', '{AWAITING}'
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end

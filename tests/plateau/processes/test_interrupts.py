@@ -31,7 +31,10 @@ def test_what_nohup_ignores_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_where_nothing_is_to_be_kept_the_first_ends_it_at_once() -> None:
-    with Interrupts() as interrupts, pytest.raises(KeyboardInterrupt), interrupts.at_once():
-        signal.raise_signal(signal.SIGTERM)
-    assert interrupts.asked.is_set()
+def test_where_it_is_said_one_ends_the_call_at_once() -> None:
+    with Interrupts() as interrupts:
+        with interrupts.ended_by(interrupts.insisted):
+            signal.raise_signal(signal.SIGTERM)
+        with interrupts.ended_by(interrupts.asked), pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+    assert interrupts.insisted.is_set()
