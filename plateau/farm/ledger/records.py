@@ -21,7 +21,6 @@ from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import EndedBy, JobState, outcome
 from plateau.farm.model.worker import Worker
-from plateau.farm.process.log import on_one_line
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import Pipeline, RedisClient
 from plateau.farm.redis.commands.jobs import NewJob
@@ -148,7 +147,7 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         owner_name=sealed.get("owner_name"),
         state=state,
         outcome=outcome(state, ended_by),
-        reason=on_one_line(fields["reason"]),
+        reason=fields["reason"],
         ended_by=ended_by,
         failed_slice=int(fields["failed_slice"]) if "failed_slice" in fields else None,
         spec=spec,
@@ -251,7 +250,7 @@ def as_shot(jobs: tuple[NewJob, ...]) -> tuple[NewJob, ...]:
 def _notes(fields: Mapping[str, str]) -> tuple[str, ...]:
     """What was changed of its spec, then those of the worker and the monitor; each once."""
     found = (json.loads(fields.get(name, "[]")) for name in ("fitted", "notes"))
-    return tuple(dict.fromkeys(map(on_one_line, chain(*found))))
+    return tuple(dict.fromkeys(chain(*found)))
 
 
 def _notices(sealed: Mapping[str, str]) -> tuple[Notice, ...]:

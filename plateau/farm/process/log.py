@@ -16,9 +16,9 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
-from plateau.farm.process.settings import LogFormat
+LogFormat = Literal["text", "json"]
 
 #: The fields of this process, the same in all its threads.
 _PROCESS: Final[dict[str, str]] = {}

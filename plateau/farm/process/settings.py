@@ -3,7 +3,7 @@
 import re
 from ipaddress import ip_network
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final
 
 import platformdirs
 from pydantic import AfterValidator, BeforeValidator, Field, SecretStr, field_validator
@@ -11,8 +11,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.scene_roots import SceneRoot, at_home, read_roots
-
-LogFormat = Literal["text", "json"]
+from plateau.farm.process.log import LogFormat
 
 #: The upper bound of most settings in seconds.
 _DAY_S: Final = 86_400.0

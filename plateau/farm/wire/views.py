@@ -9,6 +9,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, utc_now
 from plateau.farm.model.spec import Priority
 from plateau.farm.model.states import JobState
 from plateau.farm.model.worker import Worker
+from plateau.farm.process.log import on_one_line
 from plateau.farm.wire import examples
 from plateau.farm.wire.figures import roughly
 from plateau.farm.wire.json_numbers import WithWholeNumbers
@@ -279,8 +280,9 @@ def job_view(job: Job, *, to_owner: bool = False, **queued: Any) -> JobView:
         for part in _PARTS
     }
     values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
+    words = {"reason": on_one_line(job.reason), "notes": tuple(map(on_one_line, job.notes))}
     return JobView(
-        **job.model_dump(),
+        **{**job.model_dump(), **words},
         **queued,
         title=" ".join((job.name, *values)),
         time_left=_time_left(job, queued.get("queue_place")),

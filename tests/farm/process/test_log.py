@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from plateau.farm.process.log import (
+    LogFormat,
     concern,
     concerning,
     concerns,
@@ -20,7 +21,6 @@ from plateau.farm.process.log import (
     rotate,
     set_up,
 )
-from plateau.farm.process.settings import LogFormat
 
 
 def test_lines_are_about_the_innermost_job_and_slice() -> None:
