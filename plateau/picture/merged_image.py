@@ -119,11 +119,10 @@ class MergedImage:
         The mean of nᵢ of the n slices has the variance σ²/nᵢ, if σ² is that of a slice. So the sum
         of nᵢ (meanᵢ - mean)² has the expectation 3 σ², and the image has the variance σ²/n.
         """
-        sums = self._quarters()
-        if sums is None:
+        found = self._quarters()
+        if found is None:
             return {}
-        counts = [len(range(part, self.slices, 4)) for part in range(4)]
-        total = self.slices
+        (sums, counts), total = found, self.slices
         with np.errstate(invalid="ignore", over="ignore"):
             # As image.exr has them: without what the job wants to see behind the image
             parts = [self.channels.seen_in(one).astype(np.float64) for one in sums]
@@ -163,13 +162,14 @@ class MergedImage:
 
     def quarters(self) -> Quarters | None:
         """Return the images of the slices 0, 4, …, of 1, 5, … and so on; None with fewer than 4."""
-        sums = self._quarters()
-        if sums is None:
+        found = self._quarters()
+        if found is None:
             return None
-        slices = [len(range(part, self.slices, 4)) for part in range(4)]
+        sums, slices = found
         return Quarters([self._image(one, as_seen=False) for one in sums], slices, self._seen)
 
-    def _quarters(self) -> tuple[NDArray[np.float64], ...] | None:
+    def _quarters(self) -> tuple[list[NDArray[np.float64]], list[int]] | None:
+        """Return the sums of the quarters, and how many slices each has."""
         if not self.has_quarters or self.slices < 4:
             return None
         assert self._even is not None
@@ -177,7 +177,8 @@ class MergedImage:
         assert self._first is not None
         with np.errstate(invalid="ignore", over="ignore"):
             second, third = self._other - self._first, self._even - self._first
-            return self._first, second, third, self._without(self._even) - second
+            sums = [self._first, second, third, self._without(self._even) - second]
+        return sums, [len(range(part, self.slices, 4)) for part in range(4)]
 
     def _zoned_halves(
         self, half: NDArray[np.float64], half_spp: NDArray[np.int64], as_seen: bool
