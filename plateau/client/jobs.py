@@ -202,13 +202,7 @@ class JobCalls(Calls):
         return self._transport.ask(JobView, "DELETE", f"/v1/jobs/{job_id}")
 
     def restore(self, job_id: str) -> JobView:
-        """Put the deleted job back into the list; restoring it again is harmless.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``job-not-ended``.
-        """
+        """Put the deleted job back into the list; harmless to repeat. Raises as `delete` does."""
         return self._steer(job_id, "restore")
 
     def set_priority(self, job_id: str, priority: int) -> JobView:

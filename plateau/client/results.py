@@ -26,26 +26,18 @@ _SHA256: Final = "sha-256"
 
 
 class ResultCalls(Calls):
-    """The curve, the images and the slices of a job, while it runs as well as afterwards."""
+    """The curve, the images and the slices of a job, while it runs as well as afterwards.
+
+    A call that takes a job's id raises `ApiError` ``unknown-job`` if there is none; one for an
+    image also ``no-image-yet``, before anything of it can be seen.
+    """
 
     def curve(self, job_id: str) -> list[CurvePoint]:
-        """The points of the job's curve, by rising spp; none before the first evaluation.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The points of the job's curve, by rising spp; none before the first evaluation."""
         return self._transport.read(Curve, f"/v1/jobs/{job_id}/curve").points
 
     def curve_csv(self, job_id: str) -> str:
-        """The job's curve as CSV.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The job's curve as CSV."""
         return self._transport.send("GET", f"/v1/jobs/{job_id}/curve.csv").text
 
     def curve_columns(self, job_id: str) -> "dict[str, NDArray[Any]]":
@@ -58,24 +50,13 @@ class ResultCalls(Calls):
             in UTC; each rule's ``NAME_stop`` is bool; all others, among them ``visible_fraction``,
             ``slope``, ``estimate_pixels``, ``expected_spp`` and each rule's ``NAME_value``, are
             float64, with NaN where nothing is known.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
         """
         from plateau.client.columns import columns
 
         return columns(self.curve(job_id))
 
     def image(self, job_id: str, name: str = "image.png") -> bytes:
-        """One of the job's images, such as ``image.png``, ``image.exr`` or ``noise.png``.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
-        """
+        """One of the job's images, such as ``image.png``, ``image.exr`` or ``noise.png``."""
         path = f"/v1/jobs/{job_id}/{name}"
         answer = self._transport.send("GET", path)
         _check(hashlib.sha256(answer.content).digest(), path, answer.headers)
@@ -88,11 +69,6 @@ class ResultCalls(Calls):
         -------
         NDArray
             (height, width, 3) float32: linear Rec. 709 radiance, as Mitsuba has it.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
         with needs("images"):
             from plateau.farm.images.exr import decode_image
@@ -109,11 +85,6 @@ class ResultCalls(Calls):
             the scene has alpha, and the channels of the job's AOVs (``albedo.R``, ``Z``), and
             ``spp``, the samples of each pixel, where the job is allocated by zones. Colour is
             linear Rec. 709 radiance, premultiplied.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
         with needs("images"):
             from plateau.farm.images.exr import decode_layers

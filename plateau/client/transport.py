@@ -1,6 +1,5 @@
 """Requests to the service, repeated while it is away, and answers parsed into models."""
 
-import json
 import math
 import re
 import socket
@@ -12,6 +11,7 @@ from typing import Any, Final, TypeVar
 
 import httpx
 from pydantic import BaseModel, ValidationError
+from pydantic_core import to_jsonable_python
 
 from plateau.client.errors import (
     ApiError,
@@ -176,7 +176,7 @@ class Transport:
             self._reached(),
             self._http.stream("GET", path, headers=headers, timeout=timeout) as answer,
         ):
-            if answer.is_error:
+            if not answer.is_success:
                 answer.read()
                 raise self._error(answer)
             yield answer
@@ -246,8 +246,8 @@ def _trusted(url: str) -> ssl.SSLContext | bool:
 
 
 def _plain(value: Any) -> Any:
-    """JSON in which numbers of numpy are numbers."""
-    return json.loads(json.dumps(value, default=lambda one: one.item()))
+    """JSON in which numbers of numpy are numbers, and parts of a spec objects."""
+    return to_jsonable_python(value, fallback=lambda one: one.item())
 
 
 def _seconds(header: str | None) -> float:

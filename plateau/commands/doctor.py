@@ -97,9 +97,7 @@ def doctor(
 def _machine() -> Iterator[Check]:
     import platform
 
-    version = platform.python_version()
-    supported = sys.version_info >= (3, 10)
-    yield Check("Python", f"{version}, {sys.executable}", ok=supported, needed=True)
+    yield Check("Python", f"{platform.python_version()}, {sys.executable}", needed=True)
     cores = len(os.sched_getaffinity(0))
     yield Check("cores", f"{cores} of {platform.machine()}")
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
-from plateau.farm.bundle.archive import Archive, zip_entry
+from plateau.farm.bundle.archive import Archive, is_too_dense, zip_entry
 from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.entry import find_entry
 from plateau.farm.bundle.formats import (
@@ -256,8 +256,11 @@ def _common(folders: set[Parts]) -> Parts:
     return tuple(ours for ours, _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
-def _write(file: BinaryIO, disk: _Disk, layout: _Layout) -> None:
-    """Write the archive: names in order, no times, no owners."""
+def _write(file: BinaryIO, disk: _Disk, layout: _Layout, even: Collection[str] = ()) -> None:
+    """Write the archive: names in order, no times, no owners.
+
+    What deflates by more than the farm takes, as an even volume does, is `even`, and stored.
+    """
     compressed = {*_COMPRESSED, *(one.suffix for one in with_suffix() if one.is_compressed)}
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for folder in layout.folders:
@@ -265,11 +268,15 @@ def _write(file: BinaryIO, disk: _Disk, layout: _Layout) -> None:
         for parts in layout.files:
             path = disk.path(parts)
             info = zip_entry("/".join(layout.inside(parts)))
-            if path.suffix.lower() not in compressed:
+            if path.suffix.lower() not in compressed and info.filename not in even:
                 info.compress_type = zipfile.ZIP_DEFLATED
             big = path.stat().st_size >= _ZIP64_BYTES
             with path.open("rb") as source, archive.open(info, "w", force_zip64=big) as target:
                 shutil.copyfileobj(source, target, _COPY_BYTES)
+        found = [one.filename for one in archive.filelist if is_too_dense(one, _LIMITS)]
+    if found and not even:
+        file.truncate(file.seek(0))
+        _write(file, disk, layout, found)
 
 
 def _check_entry(file: BinaryIO, layout: _Layout) -> None:

@@ -70,16 +70,20 @@ class SquaredError:
     #: What `FEW` of the pixels hold of it, in [0, 1].
     few_share: float
     non_finite: int
-    #: The same mean for each tile, by the samples that judge and by those that decide.
-    tiles: tuple[NDArray[np.float64], ...] = field(repr=False)
+    #: The same mean for each tile: twice by the samples that judge, and by those that decide.
+    tiles: NDArray[np.float64] = field(repr=False)
 
     def at_share(self, share: float) -> tuple[float, ...]:
-        """Return mean, low, high and sure of the tile of which a share of them has no more."""
-        judged, decided = self.tiles
-        spread = _NORMAL * math.sqrt(share * (1 - share) / judged.size)
-        low, high = max(share - spread, 0.0), min(share + spread, 1.0)
-        places = np.quantile(judged, [share, low, high])
-        return *map(float, places), float(np.quantile(decided, high))
+        """Return mean, low, high and sure of the tile of which a share of them has no more.
+
+        Each of the three has the law of a tile's true error. So the tiles of which two are on
+        different sides of the quantile tell by how many the truth may have more or fewer there.
+        """
+        judged, decided = self.tiles[:2], self.tiles[2]
+        apart = 1 + np.count_nonzero(np.diff(judged > np.quantile(judged, share), axis=0))
+        spread = _NORMAL * math.sqrt(apart) / decided.size
+        shares = np.clip(share + spread * np.array([0, -0.87, 0.87, 1]), 0, 1)  # 0.87 is √(3/4)
+        return *np.quantile(judged, shares[:3]).tolist(), float(np.quantile(decided, shares[3]))
 
 
 def squared_error(
@@ -124,7 +128,8 @@ def squared_error(
     finite, judged, decided, *crossed = map(np.concatenate, zip(*bands, strict=True))
     pixels = zone_sums(finite, BLOCK)
     values = 3 * float(pixels.sum()) or 1.0
-    held, other = (max(float(one.sum(dtype=np.float64)), 0.0) for one in (judged, decided))
+    # A sum below zero is off by its own size at least.
+    held, other = (abs(float(one.sum(dtype=np.float64))) for one in (judged, decided))
     few = max(1, math.ceil(FEW * judged.size))
     most = float(np.partition(judged, -few, axis=None)[-few:].sum(dtype=np.float64))
 
@@ -136,16 +141,16 @@ def squared_error(
     uncertain = summed + (whole * model_error(held / values)) ** 2 / 3
     freedom = max(whole**2 / max(uncertain, 1e-9 * whole**2), 1.0) if whole else 1e9
     z = (_NORMAL + 1.2 / blocks) / math.sqrt(freedom)
-    counts = 3 * np.maximum(zone_sums(finite, TILE), 1)
+    tiles = [zone_sums(one, TILE) for one in (judged + crossed[0], judged - crossed[0], decided)]
     return SquaredError(
         mean=held / values,
         low=held / values * math.exp(-z * math.sqrt(3)),
         high=held / values * math.exp(z * math.sqrt(3)),
         sure=other / values * math.exp(2 * z),
         freedom=freedom,
-        few_share=most / held if held else 0.0,
+        few_share=min(most / held, 1.0) if held else 0.0,
         non_finite=finite.size - int(np.count_nonzero(finite)),
-        tiles=tuple(np.maximum(zone_sums(one, TILE), 0) / counts for one in (judged, decided)),
+        tiles=np.abs(tiles) / (3 * np.maximum(zone_sums(finite, TILE), 1)),
     )
 
 

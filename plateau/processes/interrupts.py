@@ -46,9 +46,14 @@ class Interrupts:
 
     @contextmanager
     def ended_by(self, order: Stop) -> Iterator[None]:
-        """Raise `KeyboardInterrupt` at once, at `asked` or at `insisted`, while this lasts."""
+        """Raise `KeyboardInterrupt` at once, at `asked` or at `insisted`, while this lasts.
+
+        Also if it was set before.
+        """
         self._ends_by = order
         try:
+            if order.is_set():
+                raise KeyboardInterrupt
             yield
         finally:
             self._ends_by = None

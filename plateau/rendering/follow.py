@@ -76,8 +76,6 @@ def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progr
 
     def tick(_: Event | None) -> None:
         nonlocal asked_at
-        if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
-            raise KeyboardInterrupt
         if interrupts.asked.is_set() and asked_at == math.inf:
             asked_at = time.monotonic()
             shown.note("cancelling; the results so far are kept; interrupt again to leave at once")
@@ -86,6 +84,8 @@ def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progr
             except ApiError as error:
                 if error.slug != "cannot-cancel":  # it ended a moment ago
                     raise
+        if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
+            raise KeyboardInterrupt
 
     return tick
 

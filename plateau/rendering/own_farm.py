@@ -58,7 +58,7 @@ def checked_settings(scene: Path, spec: JobSpec, on: str | None = None) -> "Sett
     """
     settings = settings_here(on)
     parameters = spec.parameter_strings()
-    limits = BundleLimits(plugins=known_plugins(settings.plugins))
+    limits = BundleLimits(settings.max_upload_bytes, plugins=known_plugins(settings.plugins))
     with pack(scene, parameters) as packed:
         found = inspect_bundle(
             packed.file, parameters=parameters, sensor=spec.sensor, limits=limits

@@ -8,7 +8,7 @@ from rich.cells import cell_len, set_cell_size
 from rich.console import Console
 from rich.text import Text
 
-from plateau.farm.process.log import printable
+from plateau.farm.process.log import on_one_line
 
 _GAP: Final = 2  #: between two columns
 #: The last column is not cut below this width; the terminal wraps lines that are still too long.
@@ -29,7 +29,7 @@ def print_rows(
     spare
         Columns that a narrow terminal does not show; the first is left out first.
     """
-    rows = [[printable(cell).replace("\t", " ").replace("\n", " ") for cell in row] for row in rows]
+    rows = [list(map(on_one_line, row)) for row in rows]
     console = Console()
     if not rows:
         print(none, file=sys.stderr)

@@ -276,16 +276,19 @@ def _check_contents(info: zipfile.ZipInfo, name: str, limits: BundleLimits) -> N
     # zipfile bounds the yield of one read of a deflated entry, and of no other method.
     if info.compress_type not in _METHODS:
         raise BundleError("zip-method", "it is not deflated or stored; pack it again", file=name)
-    if (
-        info.file_size > limits.ratio_floor_bytes
-        and info.file_size > limits.max_ratio * info.compress_size
-    ):
+    if is_too_dense(info, limits):
         raise BundleError(
             "zip-bomb",
             f"it unpacks from {info.compress_size} to {info.file_size} bytes; "
-            f"a ratio of {limits.max_ratio:g} is allowed",
+            f"a ratio of {limits.max_ratio:g} is allowed: pack it without compression",
             file=name,
         )
+
+
+def is_too_dense(info: zipfile.ZipInfo, limits: BundleLimits) -> bool:
+    """Whether the entry unpacks to more than its packed size allows."""
+    allowed = max(limits.ratio_floor_bytes, limits.max_ratio * info.compress_size)
+    return info.file_size > allowed
 
 
 #: The first time that a zip can express; any fixed time would do.

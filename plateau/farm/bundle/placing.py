@@ -40,13 +40,7 @@ class RootsTree:
         return None if found is None else parts_below((found[0],), found[1])
 
     def kind(self, path: Parts) -> EntryKind | None:
-        """Return what lies at a path.
-
-        Raises
-        ------
-        EscapeError
-            It is above the roots, or a link leads out of one.
-        """
+        """Return what lies at a path; raises as `path` does."""
         here = self.path(path)
         if here is None:
             return None

@@ -94,15 +94,9 @@ class SliceQueue(OnRedis):
         self._lease_ms = round(lease_s * 1000)
         self._pool, self._tags = pool, tags
         self._threads = threads
-        self._look_again_s = float("inf")
-
-    @property
-    def look_again_s(self) -> float:
-        """After `lease` found nothing: seconds until it may, without a message from Redis.
-
-        By then another worker's slice may be late.
-        """
-        return self._look_again_s
+        #: After `lease` found nothing: seconds until it may, without a message from Redis. By then
+        #: another worker's slice may be late.
+        self.look_again_s = float("inf")
 
     def lease(
         self, variants: tuple[str, ...], loaded_job: str | None, *, in_turn: bool
@@ -130,7 +124,7 @@ class SliceQueue(OnRedis):
             )
         found = offer.slice
         if found is None:
-            self._look_again_s = float("inf") if offer.wait_ms is None else offer.wait_ms / 1000
+            self.look_again_s = float("inf") if offer.wait_ms is None else offer.wait_ms / 1000
             return None
         try:
             spec = stored_spec(found.spec).settled(found.variant)

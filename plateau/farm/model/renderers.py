@@ -154,13 +154,7 @@ def variant_named(name: str) -> VariantFacts:
 
 
 def renderer_of(variant: str) -> RendererFacts:
-    """Return the farm's facts of a variant's renderer.
-
-    Raises
-    ------
-    ValueError
-        There is no such variant.
-    """
+    """Return the farm's facts of a variant's renderer; raises as `variant_named` does."""
     return renderers()[variant_named(variant).renderer]
 
 

@@ -90,6 +90,11 @@ class Settings(BaseSettings):
         return min(5.0, self.lease_s / 3)
 
     @property
+    def max_upload_bytes(self) -> int:
+        """The most bytes of a scene's upload."""
+        return round(self.max_upload_gb * 2**30)
+
+    @property
     def page_url(self) -> str | None:
         """The URL of the farm's page, if it is set."""
         return self.url if "url" in self.model_fields_set else None

@@ -26,7 +26,7 @@ class CompiledPercept:
     """
 
     def __init__(self, view: View, image: Image, screen: KernelView) -> None:
-        self._view = view
+        self.view = view  #: for which it is prepared
         self._screen = screen
         self._image: Image | None = image
         self._shape = image.shape[:2]
@@ -35,11 +35,6 @@ class CompiledPercept:
         self.comparisons = 0
         #: Whether it is kept and some pixels are not finite.
         self.has_non_finite = False
-
-    @property
-    def view(self) -> View:
-        """The view for which it is prepared."""
-        return self._view
 
     @property
     def shape(self) -> tuple[int, int]:

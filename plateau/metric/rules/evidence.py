@@ -15,7 +15,7 @@ from plateau.metric.estimate import Estimate, estimate_from
 from plateau.metric.fireflies import hidden_light
 from plateau.metric.forecasts import forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
-from plateau.metric.quality import BLOCK, Quality, QualityModel, doubted
+from plateau.metric.quality import BEST_JOD, BLOCK, LEAST_LOST, Quality, QualityModel, doubted
 from plateau.metric.quality_allocation import plan_by_quality
 
 if TYPE_CHECKING:
@@ -155,9 +155,12 @@ class Evidence:
         return bool(min(self.image.shape[:2]) >= LEAST_SIZE)
 
     def quality_forecast(self, target: float) -> int | None:
-        """Return the spp at which the quality reaches this target in JOD; None if unknown."""
-        model = self._quality_model
-        return None if model is None else model.forecast(target, spp=self.spp)
+        """Return the spp at which the quality surely reaches this target in JOD, if known."""
+        model, quality = self._quality_model, self.quality
+        if model is None or quality is None:
+            return None
+        doubt = (BEST_JOD - quality.low_jod) / max(BEST_JOD - quality.jod, LEAST_LOST)
+        return model.forecast(BEST_JOD - (BEST_JOD - target) / max(doubt, 1), spp=self.spp)
 
     def allowed_pixels(self, target: float) -> float:
         """Return how many visible pixels a target fraction allows."""

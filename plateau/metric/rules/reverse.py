@@ -162,16 +162,12 @@ class Reverse(Rule):
         if slope is None:
             return f"the curve has {len(self._points)} of the {self.window} points of a slope"
         if not any(pixels for _, pixels in self._points):
+            why = darkness(evidence) or "the first image already looked like the present one"
             return (
                 f"nothing has changed visibly since the image at {self._first_spp} spp "
-                f"on any of the last {self.window} points, slope 0: {_why_invisible(evidence)}"
+                f"on any of the last {self.window} points, slope 0: {why}"
             )
         measured = f"slope {slope:.4g} changed pixels per spp over the last {self.window} points"
         if slope <= epsilon:
             return f"the curve has levelled off: {measured}, at most ε = {epsilon:.4g}"
         return f"the curve still climbs: {measured}, above ε = {epsilon:.4g}"
-
-
-def _why_invisible(evidence: Evidence) -> str:
-    """Return a phrase for why the curve has stayed at 0."""
-    return darkness(evidence) or "the first image already looked like the present one"

@@ -81,9 +81,7 @@ def run(
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
     spool_in(settings.cache / "uploads")
-    limits = BundleLimits(
-        max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
-    )
+    limits = BundleLimits(settings.max_upload_bytes, plugins=known_plugins(settings.plugins))
     checks = SceneChecks(limits)
     targets = read_targets(settings)
     client = connect(settings.redis_url)

@@ -47,13 +47,8 @@ class About:
         self._failures = 0
         self.trouble: str | None = None  #: why it takes no work
 
-    @property
-    def last_error(self) -> str | None:
-        """The last one since it rendered a slice; setting one counts it."""
-        return self._last_error
-
-    @last_error.setter
-    def last_error(self, error: str) -> None:
+    def failed(self, error: str) -> None:
+        """Count an error; the last one since a slice was rendered is told."""
         self._last_error = error
         self._failures += 1
 

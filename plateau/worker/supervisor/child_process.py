@@ -308,4 +308,5 @@ class RenderChild:
 
     def _told(self, words: str) -> str:
         """Return what the child said, without this machine's folders."""
-        return without_folders(words, filter(None, (self._folder, self._home)))
+        legible = words.encode(errors="replace").decode()  # a path may have any bytes
+        return without_folders(legible, filter(None, (self._folder, self._home)))

@@ -28,13 +28,10 @@ class Health:
         """Return why this worker cannot render with `variant`, or None. Takes some seconds."""
         if time.monotonic() < self._trusted_until.get(variant, 0.0):
             return None
-        trouble = self._disk_trouble() or self._kinds.test(variant)
+        try:
+            trouble = self._disk.trouble(ANSWERS_S) or self._kinds.test(variant)
+        except OSError as error:
+            trouble = f"cannot start a process: {error.strerror}"
         if trouble is None:
             self._trusted_until[variant] = time.monotonic() + _TRUST_S
         return trouble
-
-    def _disk_trouble(self) -> str | None:
-        try:
-            return self._disk.trouble(ANSWERS_S)
-        except OSError as error:
-            return f"cannot start a process: {error.strerror}"

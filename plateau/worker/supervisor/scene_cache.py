@@ -12,12 +12,14 @@ from uuid import uuid4
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle import unpack_bundle
+from plateau.farm.bundle import BundleLimits, unpack_bundle
 from plateau.farm.bundle.hashes import sha256_of
-from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
+from plateau.farm.model.errors import BlobsUnavailable, CorruptBlob, StoreUnavailable
 from plateau.farm.process.durable import sync_tree
 from plateau.worker.supervisor.placed_files import NO_ROOTS, PlacedFiles
 
+#: The service has limited the size of what it took.
+_TAKEN: Final = BundleLimits(max_bytes=2**63)
 #: How many scenes stay unpacked, besides those in use. The one unused for longest goes first.
 _KEPT: Final = 16
 _ABANDONED_S: Final = 86_400.0  #: no scene takes this long to fetch and unpack
@@ -70,7 +72,14 @@ class SceneCache:
         """
         home = self.folder / sha256
         if not self._is_there(home):
-            self._unpack(sha256, home)
+            try:
+                self._unpack(sha256, home)
+            except BlobsUnavailable:
+                raise
+            except StoreUnavailable:
+                with suppress(OSError):  # the next try may have the room of what nobody loads
+                    self._forget_oldest(0)
+                raise
         with _disk_errors(self.folder):
             self._forget_oldest()
             return home / "files", (home / "entry").read_text(encoding="utf-8")
@@ -92,7 +101,7 @@ class SceneCache:
             self._fetch(sha256, bundle)
             with _disk_errors(self.folder):
                 (making / "files").mkdir()
-                entry = unpack_bundle(bundle, making / "files")
+                entry = unpack_bundle(bundle, making / "files", _TAKEN)
                 self.placed.name(making / "files", home.absolute() / "files")
                 bundle.unlink()
                 (making / "entry").write_text(entry, encoding="utf-8")
@@ -117,7 +126,7 @@ class SceneCache:
                 f"happens again, remove the blob {blobs.scene(sha256)} and submit the scene again"
             )
 
-    def _forget_oldest(self) -> None:
+    def _forget_oldest(self, kept: int = _KEPT) -> None:
         """Remove the scenes unused for longest, and what killed workers were unpacking."""
         homes: list[tuple[float, Path]] = []
         for home in self.folder.iterdir():
@@ -125,7 +134,7 @@ class SceneCache:
                 homes.append((home.stat().st_mtime, home))
         now = time.time()
         made = sorted(one for one in homes if not one[1].name.startswith("."))
-        for asked_at, home in made[:-_KEPT]:
+        for asked_at, home in made[: -kept or None]:
             if asked_at < now - self._in_use_s:
                 self._forget(home)
         for made_at, home in homes:

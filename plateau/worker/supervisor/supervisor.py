@@ -187,7 +187,7 @@ class Supervisor:
             if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
                 self._reports.fail(lease, str(error), tried)
         except FilesDiffer as error:
-            self._about.last_error = f"job {lease.job_id}: {error}"
+            self._about.failed(f"job {lease.job_id}: {error}")
             _LOG.warning("%s", error)
             self._reports.hand_back(lease, str(error), self._tried(started), leaves_out=True)
         except FileNotFoundError:
@@ -221,7 +221,7 @@ class Supervisor:
     def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:
         """Return whether this worker can render anything else, so that the scene is to blame."""
         _LOG.warning("%s", error)
-        self._about.last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
+        self._about.failed(f"slice {lease.index} of job {lease.job_id}: {error}")
         trouble = self._health.trouble(lease.variant)
         if trouble is not None:
             self._give_up(lease, trouble, tried)
@@ -241,8 +241,11 @@ class Supervisor:
 
     def _sit_out(self, variant: str) -> None:
         """Take no work until this worker can render again."""
-        backoff = Backoff(*_SIT_OUT_S)
+        self._host.close()  # its process may hold what is lacking
+        backoff, since = Backoff(*_SIT_OUT_S), time.monotonic()
         while self._about.trouble is not None and not self._stop.is_set():
+            if self._may_leave(since):
+                self._stop.set()
             _LOG.error("out of service: %s", self._about.trouble)
             self._stop.wait(backoff.delay_s())
             self._about.trouble = self._health.trouble(variant)
@@ -300,7 +303,7 @@ class Supervisor:
                 return
 
     def _note(self, error: str) -> None:
-        self._about.last_error = error
+        self._about.failed(error)
         _LOG.warning("%s", error)
 
     def _sign_off(self) -> None:

@@ -47,13 +47,8 @@ class TestAKey:
         made, shown = keys.create("me", Role.SUBMITTER, KeyLimits())
         _, other = keys.create("you", Role.SUBMITTER, KeyLimits())
         secret = shown.rpartition("_")[2]
-        parts = {
-            "id": made.id,
-            "secret": secret,
-            "other": other.rpartition("_")[2],
-            "wrong": "0" * 12,
-            "upper": secret.upper(),
-        }
+        parts = {"id": made.id, "secret": secret, "other": other.rpartition("_")[2]}
+        parts |= {"wrong": "0" * 12, "upper": secret.upper()}
         assert keys.find(forged.format(**parts)) is None
 
     def test_that_was_revoked_opens_nothing_and_stays(self, keys: ApiKeys) -> None:

@@ -47,7 +47,18 @@ def test_what_is_sure_does_not_depend_on_the_samples_that_report():
         squared_error(evidence(400, change=one).quarters, plain).tiles for one in (None, change)
     )
     assert after[0].mean() > 2 * before[0].mean()
-    assert after[1].mean() == pytest.approx(before[1].mean(), rel=0.1)
+    assert after[2].mean() == pytest.approx(before[2].mean(), rel=0.1)
+
+
+@pytest.mark.parametrize("lit", [1, 2])
+def test_an_estimate_below_zero_is_not_no_error(lit):
+    def change(means):  # a firefly, and black quarters beside it, whose weights are below zero
+        for index, value in {0: 1000, 1: 0, 2: 0, 3: 0, lit: 0.8}.items():
+            means[index][5, 6] = value
+
+    seen = verdict("relmse", evidence(400, change=change), min_spp=1)
+    assert min(seen.value, seen.numbers["sure"]) > 1
+    assert not seen.stop
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,8 @@ def test_the_forecast_is_where_the_target_is_reached():
 
 def test_what_is_reached_is_forecast_for_now_and_what_is_out_of_reach_for_never():
     seen = evidence(1000)
-    assert seen.quality_forecast(seen.quality.jod - 0.01) == 1000
+    assert seen.quality_forecast(seen.quality.low_jod - 0.01) == 1000
+    assert seen.quality_forecast(seen.quality.jod - 0.01) > 1000  # likely, and not sure
     assert evidence(2).quality_forecast(9.99) is None
 
 

@@ -11,7 +11,7 @@ import redis
 import plateau as package
 import plateau.client.errors
 import plateau.errors
-from plateau import ApiError, BadId, Client, ClientError, TimedOut, Unreachable
+from plateau import ApiError, BadId, Client, ClientError, FixedSpec, TimedOut, Unreachable
 from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
 from plateau.farm.model.spec import JobSpec
 from tests.support.farms.staged_job import StagedJob
@@ -78,10 +78,13 @@ def test_a_job_is_rendered_again_by_part_of_its_id(plateau: Client, client: redi
         plateau.again(job)
     plateau.cancel(job)
     other = StagedJob(client).id
-    again = plateau.again(job, idempotency_key="k", after=[other[:5]])
-    assert again.spec.after == (other,)
+    again = plateau.again(
+        job, idempotency_key="k", after=[other[:5]], rule=FixedSpec(spp=np.int8(9))
+    )
+    assert (again.spec.after, again.spec.rule) == ((other,), FixedSpec(spp=9))
     assert again.again.of == job
-    assert plateau.again(job, idempotency_key="k", after=[other]).id == again.id
+    same = plateau.again(job, idempotency_key="k", after=[other], rule=FixedSpec(spp=9))
+    assert same.id == again.id
 
 
 def test_a_job_comes_after_others_by_their_first_letters(

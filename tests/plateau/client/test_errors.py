@@ -78,6 +78,9 @@ def test_what_is_no_service_is_said_to_be_none(
     url = server(lambda _: (status, body, {"Location": "/elsewhere"}))
     with Client(url) as client, pytest.raises(NotPlateau, match=f"{url} is no Plateau service"):
         list(client.all_jobs())
+    if status != 200:
+        with Client(url) as client, pytest.raises(NotPlateau):
+            next(client.events("0" * 12))
 
 
 def test_a_service_that_wants_to_be_left_alone_for_a_second_is(

@@ -53,11 +53,8 @@ class TestCurve:
 
     def test_that_has_no_point_yet_says_when_it_will(self, client: redis.Redis) -> None:
         new = StagedJob(client, step=50)
-        assert plateau("show", "--curve", new.id) == (
-            0,
-            "",
-            "the curve has no point yet: the first comes at 50 spp\n",
-        )
+        none = "the curve has no point yet: the first comes at 50 spp\n"
+        assert plateau("show", "--curve", new.id) == (0, "", none)
         assert plateau("show", "--curve", new.id, "--json") == (0, "[]\n", "")
 
 
@@ -135,13 +132,8 @@ def test_watch_streams_events_as_lines_of_json(job: StagedJob) -> None:
     code, out, err = plateau("watch", job.id, "--events")
     assert (code, err) == (4, "")
     events = [json.loads(line) for line in out.splitlines()]
-    assert [event["type"] for event in events][-5:] == [
-        "point",
-        "point",
-        "state",
-        "image",
-        "finished",
-    ]
+    last = [event["type"] for event in events][-5:]
+    assert last == ["point", "point", "state", "image", "finished"]
     assert events[-4]["data"]["visible_pixels"] == 9
     for more in (["--json"], ["-o", "out"]):
         code, _, err = plateau("watch", job.id, "--events", *more)

@@ -113,6 +113,12 @@ def test_the_same_scene_has_the_same_bytes(project: Path, tmp_path: Path):
     assert sha256(path) != before
 
 
+def test_what_is_even_is_no_bomb(project: Path):
+    (project / "shots/one/geometry/high.ply").write_bytes(PLY + bytes(2_000_000))
+    with pack(project / "shots" / "one" / "shot.xml", values := {"mesh": "high"}) as packed:
+        assert inspect_bundle(packed.file, parameters=values).files == 6
+
+
 def test_a_path_from_the_working_folder_is_as_good(project: Path, monkeypatch: pytest.MonkeyPatch):
     expected = sha256(project / "shots" / "one" / "shot.xml")
     monkeypatch.chdir(project / "shots" / "two")

@@ -35,6 +35,7 @@ def test_where_it_is_said_one_ends_the_call_at_once() -> None:
     with Interrupts() as interrupts:
         with interrupts.ended_by(interrupts.insisted):
             signal.raise_signal(signal.SIGTERM)
-        with interrupts.ended_by(interrupts.asked), pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt), interrupts.ended_by(interrupts.insisted):
             signal.raise_signal(signal.SIGTERM)
-    assert interrupts.insisted.is_set()
+        with pytest.raises(KeyboardInterrupt), interrupts.ended_by(interrupts.asked):
+            pytest.fail("it was asked before this began")

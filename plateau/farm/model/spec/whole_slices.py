@@ -59,9 +59,10 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
         # `auto` may become frame.
         first_rounds=LAG if isinstance(spec.allocation, ZonesAllocation) else None,
     )
-    step, size, cap = (whole.keeping if keep_slices else whole.fit)(
-        spec.step, spec.slice_spp, spec.max_spp
-    )
+    asked = spec.step, spec.slice_spp, spec.max_spp
+    step, size, cap = (whole.keeping if keep_slices else whole.fit)(*asked)
+    if spec.inputs and size < spec.inputs[-1]:  # they are passes of the first slice
+        step, size, cap = whole.keeping(*asked)
     changed = {"step": step, "slice_spp": size, "max_spp": cap}
     if spec.min_spp is not None:
         changed["min_spp"] = min(spec.min_spp, changed["max_spp"])

@@ -133,7 +133,9 @@ class BodyLimit(Layer):
         """The most bytes of the body, and the problem with more."""
         kind = (header(scope["headers"], b"content-type") or "").lower()
         if scope["path"] not in _FORMS or not kind.startswith("multipart/form-data"):
-            return _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
+            wrong = Problem(problems.NOT_MULTIPART, media_type=kind.partition(";")[0] or "unnamed")
+            other = _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
+            return (_MOST_OF_A_CHANGE, wrong) if scope["path"] in _FORMS else other
         caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
         most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
         if most < self._most:

@@ -1,23 +1,17 @@
 """The spec in a request: of one job, or of many if its parameters are a list."""
 
 import json
-import unicodedata
 from typing import Annotated, Any, Final
 
 from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from plateau.farm.model.input_errors import BRANCHES
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec
+from plateau.farm.process.log import is_visible
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem
 from plateau.service.api.problems.spec_checks import invalid_spec
-
-#: Unicode's categories of control and format characters, surrogates and line ends: invisible, and
-#: not allowed in paths.
-_NOT_IN_NAMES: Final = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-#: Format characters that join letters or keep them apart, as Persian and emoji need.
-_JOINERS: Final = frozenset("\u200c\u200d")
 
 _JOB, _BATCH = BRANCHES
 
@@ -64,7 +58,7 @@ def check_alone(spec: JobSpec | BatchSpec) -> None:
 def check_names(spec: SharedSpec) -> None:
     """Refuse names that nobody can read, and a batch whose name cannot be in a path."""
     for field, name in (("name", spec.name or ""), ("batch", spec.batch or "")):
-        if any(unicodedata.category(one) in _NOT_IN_NAMES for one in {*name} - _JOINERS):
+        if not all(map(is_visible, name)):
             raise Problem(problems.INVISIBLE_NAME, field=field)
     if spec.batch in {".", ".."}:
         raise Problem(problems.DOTTED_BATCH)
