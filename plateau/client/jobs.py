@@ -77,7 +77,8 @@ class JobCalls(Calls):
             As for `submit`.
         changes
             Changed fields of the spec, such as ``rule={"target": 0.0001}`` or ``max_spp=20_000``: a
-            JSON merge patch, except that a rule with a name replaces the old one whole.
+            JSON merge patch, except that a rule with a name, or an object such as a `ViewSpec`,
+            replaces the old one whole.
 
         Raises
         ------

@@ -82,8 +82,15 @@ class SquaredError:
         judged, decided = self.tiles[:2], self.tiles[2]
         apart = 1 + np.count_nonzero(np.diff(judged > np.quantile(judged, share), axis=0))
         spread = _NORMAL * math.sqrt(apart) / decided.size
-        shares = np.clip(share + spread * np.array([0, -0.87, 0.87, 1]), 0, 1)  # 0.87 is √(3/4)
-        return *np.quantile(judged, shares[:3]).tolist(), float(np.quantile(decided, shares[3]))
+        off = 0.87 * spread  # √(3/4)
+        shares = share, max(share - off, 0), share + off
+        return *(_at(judged, one) for one in shares), _at(decided, share + spread)
+
+
+def _at(tiles: NDArray[np.float64], share: float) -> float:
+    """Return the quantile, which goes on beyond the greatest tile as it came there."""
+    top, below = np.quantile(tiles, [min(share, 1), max(min(2 - share - 1 / tiles.size, 1), 0)])
+    return float(top if share <= 1 or not below else top * top / below)
 
 
 def squared_error(

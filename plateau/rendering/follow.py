@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from plateau.client import ApiError, Client
+from plateau.client import Client, ClientError
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
@@ -81,8 +81,9 @@ def cancelling(client: Client, job_id: str, interrupts: Interrupts, shown: Progr
             shown.note("cancelling; the results so far are kept; interrupt again to leave at once")
             try:
                 client.cancel(job_id)
-            except ApiError as error:
-                if error.slug != "cannot-cancel":  # it ended a moment ago
+            except ClientError as error:
+                ended = getattr(error, "slug", "") == "cannot-cancel"  # a moment ago
+                if not (ended or interrupts.insisted.is_set()):
                     raise
         if interrupts.insisted.is_set() or time.monotonic() > asked_at + _CANCEL_S:
             raise KeyboardInterrupt

@@ -42,6 +42,7 @@ class OpenFarm:
     client: Client
     check: Callable[[], None]  #: to be called a few times a second
     give_back: Callable[[], None]  #: to be called, in any thread, once nothing is to be rendered
+    check_variant: Callable[[str], None]  #: raises where a job of this variant would wait for ever
     window: int  #: the most images that are submitted and not yet taken
 
 
@@ -50,6 +51,7 @@ class MappedJobs:
 
     def __init__(self, farm: OpenFarm, spec: JobSpec, *, independent: bool) -> None:
         self._client, self._give_back = farm.client, farm.give_back
+        self._check_variant = farm.check_variant
         self._window, self._chunk = farm.window, max(1, farm.window // 3)
         self._name = f"map-{secrets.token_hex(4)}"
         self._batches = 0
@@ -177,6 +179,7 @@ class MappedJobs:
             # Parameters may name files that the stored bundle lacks.
             self._client.submit_batch(path, values, shared, first_frame=frame)
         jobs = list(self._client.all_jobs(batch=name))
+        self._check_variant(jobs[0].spec.variant)
         if not isinstance(path, Mapping):
             self._known[path] = jobs[0].scene_sha256
         with self._lock:

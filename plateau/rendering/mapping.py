@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from itertools import chain
 from typing import Any, Final
 
@@ -22,6 +23,7 @@ from plateau.rendering.mapped_jobs import MappedJobs, OpenFarm
 
 #: Jobs in flight on a service, whose workers are not ours to count.
 _ON_A_SERVICE: Final = 48
+_MOST_IN_FLIGHT: Final = 500  #: each has an open file, of which a process often may have 1,024
 #: Samples per pixel of a slice where nothing is said, and slices between two evaluations.
 _SLICE_SPP: Final = 64
 _PARTS: Final = 4
@@ -112,7 +114,8 @@ def map(  # noqa: A001  (as users call it)
         every = [scenes]
     else:
         every = [*scenes]
-    values = parameters if len(every) == 1 else [*parameters]
+    sets = [parameters] if isinstance(parameters, Mapping) else parameters
+    values = sets if len(every) == 1 else [*sets]
     combined = ((one, given, sensor) for one in every for given in values for sensor in sensors)
     tasks = (
         Task(index=index, scene=scene, parameters=given, sensor=sensor)
@@ -180,7 +183,7 @@ class Place:
         if self.farm is not None:
             key = self.key or api_key(read_settings())
             with Client(self.farm, key=key, once_heard_s=3600.0) as client:
-                yield OpenFarm(client, lambda: None, lambda: None, _ON_A_SERVICE)
+                yield OpenFarm(client, lambda: None, lambda: None, lambda _: None, _ON_A_SERVICE)
             return
         from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
@@ -190,7 +193,9 @@ class Place:
         with own_farm(
             settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell, on=self.on
         ) as own:
-            yield OpenFarm(own.client, own.check, own.give_back, 4 * workers + 8)
+            can = lru_cache(partial(check_variant, cache=settings.cache, on=self.on))
+            window = min(4 * workers + 8, _MOST_IN_FLIGHT)
+            yield OpenFarm(own.client, own.check, own.give_back, can, window)
 
 
 def rendered(

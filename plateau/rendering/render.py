@@ -161,10 +161,10 @@ def _progress(client: "Client", *, wanted: bool) -> "Progress":
     from rich.console import Console
 
     from plateau.rendering.notebook import NotebookProgress, in_notebook
-    from plateau.terminal.progress import NoProgress, progress_on
+    from plateau.terminal import progress
 
     if not wanted:
-        return NoProgress()
+        return progress.Progress()
     if in_notebook():
         return NotebookProgress(client)
-    return progress_on(Console(stderr=True))
+    return progress.progress_on(Console(stderr=True))

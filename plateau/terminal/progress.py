@@ -1,6 +1,5 @@
 """Progress of a job: live on a terminal, a line for each point of the curve elsewhere."""
 
-from abc import ABC, abstractmethod
 from collections import deque
 from datetime import datetime
 from typing import Final
@@ -24,8 +23,11 @@ _CURVE_ROWS: Final = 12
 _OTHER_ROWS: Final = 8
 
 
-class Progress(ABC):
-    """Shows a job while it runs; a context that lasts until the job has ended."""
+class Progress:
+    """Shows a job while it runs; a context that lasts until the job has ended.
+
+    This one shows nothing.
+    """
 
     def __init__(self) -> None:
         self._job: JobView | None = None
@@ -56,11 +58,9 @@ class Progress(ABC):
         elif event.type == "point":
             self._points.append(CurvePoint.model_validate(event.data))
 
-    @abstractmethod
     def note(self, text: str) -> None:
         """Show a line that stays."""
 
-    @abstractmethod
     def refresh(self) -> None:
         """Show the passing time."""
 
@@ -72,16 +72,6 @@ class Progress(ABC):
         seconds = (later[-1][0] - first).total_seconds()
         samples = sum(of_slice for _, of_slice in later)
         return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
-
-
-class NoProgress(Progress):
-    """Shows nothing."""
-
-    def note(self, text: str) -> None:
-        """Show nothing."""
-
-    def refresh(self) -> None:
-        """Show nothing."""
 
 
 class PlainProgress(Progress):

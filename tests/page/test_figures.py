@@ -71,7 +71,7 @@ def test_a_job_took_as_long_wherever_one_looks(
     ended = float(str(client.hget(keys.job(job.id), "ended_at")))
     times = {"created": -10_100, "started": -3000, "ended": 0, "finished": 2000}
     client.hset(keys.job(job.id), mapping={f"{name}_at": ended + ms for name, ms in times.items()})
-    client.hset(keys.job(job.id), "continued_spp", 100)  # which another job has paid for
+    client.hset(keys.job(job.id), "again", '{"of": "0", "kept_spp": 100}')  # paid for by another
     # When it is looked at on the command line and on the page
     monkeypatch.setenv("PLATEAU_URL", url)
     shown, listed = rows("show", job.id), CliRunner().invoke(app, ["list"]).stdout

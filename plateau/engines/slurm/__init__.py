@@ -4,7 +4,6 @@ It uses options that Slurm has had for ten years, and no JSON output, whose form
 version. Slurm itself knows which tasks are the run's, by their name.
 """
 
-import getpass
 import os
 import re
 import shutil
@@ -100,7 +99,7 @@ class Slurm:
         """Cancel all tasks of this name, and remove their logs."""
         if self._keeper is not None:
             with suppress(subprocess.TimeoutExpired):  # the nodes notice by themselves, later
-                self._keeper.communicate(timeout=_PATIENCE_S)
+                self._keeper.communicate(b"\n", timeout=_PATIENCE_S)  # a fork may hold the pipe
             self._keeper = None
             for log in self._logs.glob(self._log("*")):
                 with suppress(OSError):
@@ -136,7 +135,7 @@ class Slurm:
 
     def _own(self) -> tuple[str, ...]:
         """Options that mean the tasks of this run."""
-        return f"--name={self._crew.name}", f"--user={getpass.getuser()}"
+        return f"--name={self._crew.name}", f"--user={os.getuid()}"
 
     def _log(self, task: str) -> str:
         return f"{self._crew.name}-{task}.log"

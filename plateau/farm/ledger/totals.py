@@ -46,7 +46,7 @@ _OPEN: Final = ("queued", "rendering", "paused")
 #: The fields of a job's hash that a count needs.
 _FIELDS: Final = (
     *("state", "ready", "leased", "committed", "created_at", "held", "variant", "asked_variant"),
-    *("machine_ms", "slice_spp", "expected_spp", "continued_spp", "need", "awaits", "number"),
+    *("machine_ms", "slice_spp", "expected_spp", "again", "need", "awaits", "number"),
 )
 
 
@@ -203,7 +203,7 @@ def _demand(job: Mapping[str, str], waiting: int, leased: int, usual_ms: float) 
     left = float(leased)  # more workers would be of no use
     if waiting:
         left = max(waiting + leased, int(job["expected_spp"] or 0) / slice_spp - committed)
-    measured = committed - int(job["continued_spp"] or 0) / slice_spp
+    measured = committed - records.kept_spp(job) / slice_spp
     slice_ms = int(job["machine_ms"]) / measured if measured > 0 else usual_ms
     return Demand(
         waiting=waiting, leased=leased, left=math.ceil(left), work_s=left * slice_ms / 1000

@@ -20,7 +20,7 @@ _AT_ONCE: Final = 500
 
 _FIELDS: Final = (
     *("name", "batch", "created_at", "machine_ms", "further_core_ms", "wasted_ms"),
-    *("samples_saved", "committed", "committed_samples", "slice_spp", "continued_spp"),
+    *("samples_saved", "committed", "committed_samples", "slice_spp", "again"),
     *("width", "height"),
 )
 

@@ -311,7 +311,7 @@ def _time_left(job: Job, queue_place: int | None) -> str:
         ahead = max(0, expected - job.committed_spp) / max(1, expected - job.spp)
         seconds = ahead * expected_s
         return "any moment" if seconds < _SOON_S else f"about {roughly(seconds)} left"
-    rendered = job.committed_spp - job.continued_spp
+    rendered = job.committed_spp - (job.again.kept_spp if job.again else 0)
     rendering_s = (utc_now() - job.started_at).total_seconds() - job.paused_s
     if rendered <= 0 or rendering_s <= 0:
         return ""

@@ -1,5 +1,6 @@
 """Scenes from the blob store, unpacked once on this machine."""
 
+import errno
 import os
 import shutil
 import tempfile
@@ -14,7 +15,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits, unpack_bundle
 from plateau.farm.bundle.hashes import sha256_of
-from plateau.farm.model.errors import BlobsUnavailable, CorruptBlob, StoreUnavailable
+from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.farm.process.durable import sync_tree
 from plateau.worker.supervisor.placed_files import NO_ROOTS, PlacedFiles
 
@@ -74,11 +75,10 @@ class SceneCache:
         if not self._is_there(home):
             try:
                 self._unpack(sha256, home)
-            except BlobsUnavailable:
-                raise
-            except StoreUnavailable:
-                with suppress(OSError):  # the next try may have the room of what nobody loads
-                    self._forget_oldest(0)
+            except StoreUnavailable as error:
+                if getattr(error.__cause__, "errno", 0) in {errno.ENOSPC, errno.EDQUOT}:
+                    with suppress(OSError):  # the next try may have the room of what nobody loads
+                        self._forget_oldest(0)
                 raise
         with _disk_errors(self.folder):
             self._forget_oldest()

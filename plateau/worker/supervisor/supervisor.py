@@ -157,7 +157,7 @@ class Supervisor:
         leave_after_s = self._settings.leave_after_s
         if leave_after_s is None or time.monotonic() < worked_at + leave_after_s:
             return False
-        _LOG.info("there was nothing to do for %g s: the worker stops", leave_after_s)
+        _LOG.info("it has done nothing for %g s: the worker stops", leave_after_s)
         return True
 
     def _next_lease(self) -> Lease | None:
@@ -246,6 +246,7 @@ class Supervisor:
         while self._about.trouble is not None and not self._stop.is_set():
             if self._may_leave(since):
                 self._stop.set()
+                return
             _LOG.error("out of service: %s", self._about.trouble)
             self._stop.wait(backoff.delay_s())
             self._about.trouble = self._health.trouble(variant)

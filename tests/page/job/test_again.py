@@ -84,13 +84,8 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
         {
             "rule": {"name": "visible", "target": 0.01, "min_spp": 100},
             "denoise": {"name": "oidn", "guides": False},
-            "view": {
-                "exposure_ev": 1.5,
-                "white_luminance": 300.0,
-                "pixels_per_degree": 57.0,
-                "background": [0.2, 0.0, 0.5],
-                "primaries": "adobe1998",
-            },
+            "view": {"exposure_ev": 1.5, "white_luminance": 300.0, "pixels_per_degree": 57.0}
+            | {"background": [0.2, 0.0, 0.5], "primaries": "adobe1998"},
             "aovs": ["albedo", "depth"],
             "exr": {"precision": "half", "compression": "zip"},
             "batch": "walk",
@@ -99,11 +94,8 @@ def test_a_job_is_rendered_again_with_another_spec(visit: Visit, farm: NoiseFarm
             "variant": "scalar_rgb",
             "pool": "night",
             "requires": ["gpu", "highmem"],
-            "seed": 12,
-            "sensor": 0,
-            "slice_spp": 50,
-            "step": 200,
-        },
+        }
+        | {"seed": 12, "sensor": 0, "slice_spp": 50, "step": 200},
     ],
 )
 def test_what_is_not_changed_is_as_it_was(
@@ -134,6 +126,14 @@ def test_what_is_shown_is_what_is_sent(visit: Visit, farm: NoiseFarm, url: str) 
     expect(page.locator(".found")).to_contain_text("64 × 48 pixels")
     page.get_by_label("Rules to watch").fill("")
     assert sent(page, farm)["watch"] == JobSpec().model_dump(mode="json")["watch"]
+    # And with frames it is a batch
+    page.goto(f"/submit?again={first['id']}")
+    page.get_by_text("Frames: a job for each value").click()
+    page.get_by_label("Parameter", exact=True).select_option("width")
+    for label in ("From", "To, included"):
+        page.get_by_label(label, exact=True).fill("64")
+    page.get_by_role("button", name="Render it").click()
+    expect(page).to_have_url(re.compile(r"/\?batch="))
 
 
 def test_kept_slices_are_judged_again_under_another_view(

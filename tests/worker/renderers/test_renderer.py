@@ -351,7 +351,7 @@ class TestFiles:
         shutil.copytree(ROOM, tmp_path / "room")
         (tmp_path / "room/meshes/floor.ply").write_text("ply\nnonsense\n", encoding="ascii")
         with pytest.raises(SceneError, match=r"floor\.ply"):
-            mitsuba.load(tmp_path / "room")
+            mitsuba.load(tmp_path, "room/scene.xml")  # whose other files are found beside it
 
     def test_the_files_of_the_scene_before_are_out_of_reach(self, mitsuba, tmp_path):
         mitsuba.load(ROOM)

@@ -15,6 +15,17 @@ _TIMEOUT_S = 60.0
 _CHUNK_BYTES = 1 << 20
 
 
+class _Stays(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect: a POST would become a GET, and the key go to another machine."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """Let the answer be an error."""
+
+
+#: Nor does it ask a proxy of the environment.
+_OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}), _Stays)
+
+
 class FarmError(Exception):
     """The farm refused, or cannot be reached; the message says why, in words for users."""
 
@@ -96,7 +107,7 @@ class Farm:
             method=method,
         )
         try:
-            with urllib.request.urlopen(asked, timeout=_TIMEOUT_S) as answer:
+            with _OPENER.open(asked, timeout=_TIMEOUT_S) as answer:
                 content: bytes = answer.read()
                 return content
         except urllib.error.HTTPError as error:
@@ -114,7 +125,7 @@ def _problem(error: urllib.error.HTTPError) -> str:
         problem = json.loads(error.read())
         words = str(problem.get("detail") or problem["title"])
     except (OSError, ValueError, KeyError, AttributeError):
-        words = str(error.reason)
+        words = f"{error.reason} {error.headers.get('Location') or ''}"
     if error.code == 401:
         words += " (the key is in the add-on's preferences)"
     return " ".join(words.split())

@@ -58,11 +58,11 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
         of_cap=least,
         # `auto` may become frame.
         first_rounds=LAG if isinstance(spec.allocation, ZonesAllocation) else None,
+        least=max(spec.inputs, default=1),
     )
-    asked = spec.step, spec.slice_spp, spec.max_spp
-    step, size, cap = (whole.keeping if keep_slices else whole.fit)(*asked)
-    if spec.inputs and size < spec.inputs[-1]:  # they are passes of the first slice
-        step, size, cap = whole.keeping(*asked)
+    step, size, cap = (whole.keeping if keep_slices else whole.fit)(
+        spec.step, spec.slice_spp, spec.max_spp
+    )
     changed = {"step": step, "slice_spp": size, "max_spp": cap}
     if spec.min_spp is not None:
         changed["min_spp"] = min(spec.min_spp, changed["max_spp"])
@@ -91,19 +91,21 @@ class _Whole:
     of_step: int
     of_cap: int
     first_rounds: int | None
+    least: int  #: samples per pixel in a slice: those of the inputs, which are passes of the first
 
     def fit(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
         """Step, slice and cap, of which the slice gives way first."""
         if self._fits(step, size, cap):
             return step, size, cap
-        aim = max(1, min(size, step // self.of_step, cap // self.of_cap))
-        for one in _near(aim):
+        aim = max(self.least, min(size, step // self.of_step, cap // self.of_cap))
+        sizes = [one for one in _near(aim) if one >= self.least]
+        for one in sizes:
             if self._fits(step, one, cap):
                 return step, one, cap
-        for one in _near(aim):
+        for one in sizes:
             if self._fits(fit := _nearest(step, one * self.of_step), one, cap):
                 return fit, one, cap
-        units = ((one, one * self.of_cap) for one in _near(aim))
+        units = ((one, one * self.of_cap) for one in sizes)
         size = next((one for one, unit in units if cap % unit <= _LITTLE * cap), aim)
         unit = size * self.of_cap
         return _nearest(step, size * self.of_step), size, max(unit, cap - cap % unit)

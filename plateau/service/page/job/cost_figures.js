@@ -11,7 +11,7 @@ export class CostFigures {
   show(job) {
     const saved = savings(job);
     const machine = saved?.machine ? `, about ${saved.machine} of machine time` : "";
-    const rendered = (job.committed_spp - job.continued_spp) * imagePixels(job);
+    const rendered = (job.committed_spp - (job.again?.kept_spp ?? 0)) * imagePixels(job);
     const rate = job.machine_s ? rendered / job.machine_s : 0;
     const zones = job.spp_min == null || job.spp_max == null || job.spp_min === job.spp_max ? "" : `; by zones ${whole(job.spp_min)} to ${whole(job.spp_max)}`;
     const figures = [

@@ -23,7 +23,7 @@ export function reasonInWords(job) {
     return `${sentence(job.reason)}${kept}`;
   }
   if (state === "failed") return `${sentence(job.reason)} ${ADVICE[job.ended_by ?? ""] ?? OTHERWISE}`;
-  if (state === "paused") return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
+  if (state === "paused" || job.held) return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
   if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
   if (state === "queued") {
     return job.fitting_workers ? `It waits for a worker: ${several(job.fitting_workers, "living one")} can render it.` : "It waits for a worker.";

@@ -15,13 +15,13 @@ export class Records {
   #signal;
   /** @type {Api.JobView | null} */
   #job = null;
-  /** @type {JobEvent[]} */
-  #events = [];
   /** When the log was fetched, and of which state of the job. */
   #logged = { of: "", at: 0 };
   #story = h("ol", { class: "story" });
   #notes = h("ul", { class: "notes" });
   #log = h("div", { class: "log" });
+  #quiet = h("p", { class: "hint" });
+  #logShown = "";
   #spec = h("pre", { tabindex: 0, "aria-label": "The job's spec" });
   #files = h("ul", { class: "files" });
   #filesShown = "";
@@ -44,8 +44,8 @@ export class Records {
    * @param {JobEvent[]} events
    */
   tell(events) {
-    this.#events.push(...events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type)));
-    this.#story.replaceChildren(...this.#events.map((event) => h("li", { "data-type": event.type },
+    const news = events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type));
+    this.#story.append(...news.map((event) => h("li", { "data-type": event.type },
       h("time", { datetime: event.data.at }, clock(event.data.at)), " ", ...told(event))));
   }
 
@@ -105,8 +105,11 @@ export class Records {
     const { entries } = await get(job.links.log, this.#signal);
     const shown = entries.filter(({ what, text }) => what !== "committed" || text);
     const quiet = entries.length - shown.length;
-    this.#log.replaceChildren(
-      h("p", { class: "hint" }, quiet ? `${several(quiet, "slice")} went through without trouble.` : ""),
+    setText(this.#quiet, quiet ? `${several(quiet, "slice")} went through without trouble.` : "");
+    const news = JSON.stringify(shown);
+    if (news === this.#logShown) return; // whoever reads it keeps their place
+    this.#logShown = news;
+    this.#log.replaceChildren(this.#quiet,
       ...shown.map((entry) => h("div", {},
         h("p", { "data-what": entry.what }, h("time", { datetime: entry.at }, clock(entry.at)),
           ` slice ${entry.slice} ${entry.what} by ${entry.worker}`, entry.cause ? `: ${entry.cause}` : ""),

@@ -162,9 +162,13 @@ const RETRY_MS = 1000;
 export async function follow(path, onEvents, signal) {
   let last = "";
   while (!signal.aborted) {
+    const unseen = new AbortController();
     try {
+      // A browser has six connections for all of its tabs: a hidden one gives back its own.
+      while (document.hidden) await sleep(300, signal);
+      document.onvisibilitychange = () => unseen.abort();
       const headers = { Accept: "text/event-stream", ...(last && { "Last-Event-ID": last }) };
-      const answer = await fetched(path, { headers, signal });
+      const answer = await fetched(path, { headers, signal: AbortSignal.any([signal, unseen.signal]) });
       if (answer.status === 204 || !answer.body) return;
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
       let rest = "";

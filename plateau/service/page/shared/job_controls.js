@@ -22,7 +22,7 @@ const isOpen = (/** @type {Api.JobView} */ { state }) => !ENDED.has(state);
 /** @type {Action[]} */
 const ACTIONS = [
   { label: "Pause", done: "paused", fits: ({ state }) => state === "rendering", request: ({ links }) => send("POST", links.pause) },
-  { label: "Resume", done: "resumed", fits: ({ state }) => state === "paused", request: ({ links }) => send("POST", links.resume) },
+  { label: "Resume", done: "resumed", fits: ({ state, held }) => state === "paused" || held, request: ({ links }) => send("POST", links.resume) },
   { label: "Cancel", done: "cancelled", fits: isOpen, request: ({ links }) => send("POST", links.cancel),
     explanation: "What has been rendered by then is kept as an image." },
   { label: "Delete", done: "deleted", fits: (job) => !isOpen(job) && !job.deleted_at, request: ({ links }) => send("DELETE", links.self),

@@ -83,8 +83,8 @@ export class SpecForm {
    * @param {Api.JobSpec} spec
    */
   fill(spec) {
-    const { frame_seed, view, watch } = spec;
-    this.#kept = { frame_seed };
+    const { inputs, pictures, variance, view, watch } = spec;
+    this.#kept = { inputs, pictures, variance };
     this.#watched = watch;
     for (const part of [this.#limits, this.#workers]) part.fill(spec);
     this.#more.fill({ ...spec, after: [], watch: watch.map(({ name }) => name) });

@@ -14,7 +14,8 @@ import { rulesOf } from "../../shared/job_summary.js";
  */
 export function stopsOf(job, points) {
   return rulesOf(job).flatMap(({ name }, index) => {
-    const first = points.find((point) => point.rules[name]?.stop);
+    // Another target may have stopped the job that this one goes on with.
+    const first = points.find(({ spp, rules }) => rules[name]?.stop && (index || spp > job.continued_spp));
     return first ? [{ name, spp: first.spp, own: index === 0 }] : [];
   });
 }
