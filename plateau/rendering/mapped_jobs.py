@@ -13,7 +13,7 @@ from typing import Any, Final
 from plateau.client import ApiError, Client
 from plateau.client.events import is_rendered
 from plateau.client.submission import spec_of
-from plateau.errors import needs
+from plateau.errors import CommandFailed, needs
 from plateau.farm.bundle import BundleError
 from plateau.farm.model.errors import InvalidSpec
 from plateau.farm.model.job import Event
@@ -146,6 +146,10 @@ class MappedJobs:
         """Submit alike tasks; returns for each what fetches it, or why there is nothing."""
         try:
             made = [self._jobs(tasks, spec, far * _APART) for far, spec in enumerate(self._specs)]
+        except CommandFailed as error:  # this machine lacks the variant of their scene
+            for one in tasks:
+                self._rendered(one)
+            return [(one, str(error)) for one in tasks]
         except (BundleError, InvalidSpec, ApiError, *_UNREADABLE, _MakerFailed) as error:
             if isinstance(error, ApiError) and (
                 error.status >= 500 or error.status in _NOT_OF_A_SCENE

@@ -188,12 +188,12 @@ class Place:
         from plateau.rendering.own_farm import check_variant, own_farm, settings_here, workers_for
 
         settings = settings_here(self.on)
-        check_variant(spec.variant, settings.cache, self.on)
+        can = lru_cache(partial(check_variant, cache=settings.cache, on=self.on))
+        can(spec.variant)
         workers = self.workers or (workers_for(spec.variant) if self.on is None else 1)
         with own_farm(
             settings, interrupts, spec, workers=workers, threads=self.threads, tell=tell, on=self.on
         ) as own:
-            can = lru_cache(partial(check_variant, cache=settings.cache, on=self.on))
             window = min(4 * workers + 8, _MOST_IN_FLIGHT)
             yield OpenFarm(own.client, own.check, own.give_back, can, window)
 

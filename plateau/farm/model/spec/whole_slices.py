@@ -2,8 +2,9 @@
 
 Seeds, halves and sums are by slices, all of one size. So the size of the slices gives way first,
 then the step; the cap changes only where no slice of a useful size divides it, and then falls.
-Slices that exist already keep their size, and then the cap rises. By zones the plan has rounds that
-fill any cap; a cap within the first rounds is one of whole films, and so of whole slices.
+Slices that exist already keep their size, and then the cap rises; those that would be too small for
+their inputs as well, and then the nearest cap is taken. By zones the plan has rounds that fill any
+cap; a cap within the first rounds is one of whole films, and so of whole slices.
 """
 
 from collections.abc import Iterator
@@ -58,11 +59,12 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
         of_cap=least,
         # `auto` may become frame.
         first_rounds=LAG if isinstance(spec.allocation, ZonesAllocation) else None,
-        least=max(spec.inputs, default=1),
     )
-    step, size, cap = (whole.keeping if keep_slices else whole.fit)(
-        spec.step, spec.slice_spp, spec.max_spp
-    )
+    asked = spec.step, spec.slice_spp, spec.max_spp
+    step, size, cap = (whole.keeping if keep_slices else whole.fit)(*asked)
+    if spec.inputs and size < spec.inputs[-1]:  # they are passes of the first slice
+        step, size, _ = whole.keeping(*asked)
+        cap = _nearest(spec.max_spp, size * least)
     changed = {"step": step, "slice_spp": size, "max_spp": cap}
     if spec.min_spp is not None:
         changed["min_spp"] = min(spec.min_spp, changed["max_spp"])
@@ -91,21 +93,19 @@ class _Whole:
     of_step: int
     of_cap: int
     first_rounds: int | None
-    least: int  #: samples per pixel in a slice: those of the inputs, which are passes of the first
 
     def fit(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
         """Step, slice and cap, of which the slice gives way first."""
         if self._fits(step, size, cap):
             return step, size, cap
-        aim = max(self.least, min(size, step // self.of_step, cap // self.of_cap))
-        sizes = [one for one in _near(aim) if one >= self.least]
-        for one in sizes:
+        aim = max(1, min(size, step // self.of_step, cap // self.of_cap))
+        for one in _near(aim):
             if self._fits(step, one, cap):
                 return step, one, cap
-        for one in sizes:
+        for one in _near(aim):
             if self._fits(fit := _nearest(step, one * self.of_step), one, cap):
                 return fit, one, cap
-        units = ((one, one * self.of_cap) for one in sizes)
+        units = ((one, one * self.of_cap) for one in _near(aim))
         size = next((one for one, unit in units if cap % unit <= _LITTLE * cap), aim)
         unit = size * self.of_cap
         return _nearest(step, size * self.of_step), size, max(unit, cap - cap % unit)
@@ -131,5 +131,5 @@ def _near(aim: int) -> Iterator[int]:
 
 
 def _nearest(step: int, unit: int) -> int:
-    """The multiple of the unit that is nearest to the step, and allowed."""
+    """The multiple of the unit that is nearest to the step or cap, and allowed."""
     return max(1, min(round(step / unit), MOST_SPP // unit)) * unit

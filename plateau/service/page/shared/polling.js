@@ -18,7 +18,7 @@ export function sleep(ms, signal) {
 }
 
 /**
- * Calls `work` again and again, `everyMs()` apart, while the page is visible.
+ * Calls `work` again and again, `everyMs()` apart, and half a minute while the page is hidden.
  * @param {() => Promise<unknown>} work
  * @param {() => number} everyMs
  * @param {AbortSignal} signal
@@ -34,7 +34,7 @@ export async function repeat(work, everyMs, signal) {
     }
     try {
       await sleep(everyMs(), signal);
-      while (document.hidden) await sleep(300, signal);
+      for (let n = 0; document.hidden && n < 100; n += 1) await sleep(300, signal);
     } catch {
       return;
     }

@@ -36,8 +36,9 @@ OIDN = {"name": "oidn"}
         ({"max_spp": 33}, (99, 33, 33)),
         ({"max_spp": 97}, (97, 97, 97)),
         # Slices hold the passes that are inputs
-        ({"max_spp": 110, "inputs": (1, 16)}, (110, 22, 110)),
-        ({"slice_spp": 64, "inputs": (1, 64)}, (100, 100, 10_000)),
+        ({"max_spp": 110, "inputs": (1, 16)}, (100, 25, 100)),
+        ({"slice_spp": 64, "inputs": (1, 64)}, (128, 64, 9_984)),
+        ({"step": 1024, "slice_spp": 256, "max_spp": 1000, "inputs": (256,)}, (1024, 256, 1024)),
         # By zones, steps have a multiple of four slices, and any cap above two steps will do
         ({"max_spp": 997, "allocation": ZONES}, (100, 25, 997)),
         ({"step": 50, "allocation": ZONES}, (48, 12, 10_000)),
