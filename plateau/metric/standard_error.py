@@ -148,7 +148,7 @@ def squared_error(
     uncertain = summed + (whole * model_error(held / values)) ** 2 / 3
     freedom = max(whole**2 / max(uncertain, 1e-9 * whole**2), 1.0) if whole else 1e9
     z = (_NORMAL + 1.2 / blocks) / math.sqrt(freedom)
-    tiles = [zone_sums(one, TILE) for one in (judged + crossed[0], judged - crossed[0], decided)]
+    same, cross, apart = (zone_sums(one, TILE) for one in (judged, crossed[0], decided))
     return SquaredError(
         mean=held / values,
         low=held / values * math.exp(-z * math.sqrt(3)),
@@ -157,7 +157,8 @@ def squared_error(
         freedom=freedom,
         few_share=min(most / held, 1.0) if held else 0.0,
         non_finite=finite.size - int(np.count_nonzero(finite)),
-        tiles=np.abs(tiles) / (3 * np.maximum(zone_sums(finite, TILE), 1)),
+        tiles=np.abs([same + cross, same - cross, apart])
+        / (3 * np.maximum(zone_sums(finite, TILE), 1)),
     )
 
 

@@ -91,16 +91,17 @@ def test_a_wait_ends_in_time_though_the_service_says_nothing(
 
 
 def test_a_wait_ends_in_time_though_much_is_going_on(plateau: Client, client: redis.Redis) -> None:
-    job, heard = StagedJob(client), list[int]()
+    job, heard, timeout_s = StagedJob(client), list[int](), 1.25
 
     def hear(event: object) -> None:
         heard.extend([event.index] if isinstance(event, SliceEvent) else [])
 
     with beside(job.commit, pause_s=0.05):
-        started = time.monotonic()
-        with pytest.raises(TimedOut):
-            plateau.wait(job.id, timeout_s=2.5, on_event=hear)
-        assert time.monotonic() - started >= 2.4
+        while not heard:  # on a busy machine, not at first
+            started, timeout_s = time.monotonic(), 2 * timeout_s
+            with pytest.raises(TimedOut):
+                plateau.wait(job.id, timeout_s=timeout_s, on_event=hear)
+            assert time.monotonic() - started >= timeout_s - 0.1
     # The stream was opened anew as the time ran out, and yet each slice was heard of once
     assert heard == list(range(len(heard)))
 

@@ -217,15 +217,15 @@ class TestPurity:
     @pytest.mark.parametrize(
         ("inside", "setting", "note"),
         [
-            ("sampler", "integer seed 9", "seed was ignored: "),
-            ("sampler", "integer sample_count 16", "sample_count of 16 was ignored: "),
-            ("integrator", "float timeout 1e-9", "timeout was ignored: "),
-            ("integrator", "integer samples_per_pass 1", "samples_per_pass was ignored: "),
-            ("film", "boolean sample_border true", "sample_border was switched off"),
-            ("film", "string pixel_format XYZ", "pixel_format was changed from 'XYZ' to 'rgb': "),
-            ("film", "string file_format pfm", "file_format was changed from 'pfm' to 'openexr': "),
-            ("film", "string component_format uint32", "component_format was changed from 'uint"),
-            ("film", "boolean compensate true", "compensate was ignored: "),
+            ("sampler", "integer seed 9", "was ignored: "),
+            ("sampler", "integer sample_count 16", "of 16 was ignored: "),
+            ("integrator", "float timeout 1e-9", "was ignored: "),
+            ("integrator", "integer samples_per_pass 1", "was ignored: "),
+            ("film", "boolean sample_border true", "was switched off"),
+            ("film", "string pixel_format XYZ", "was changed from 'XYZ' to 'rgb': "),
+            ("film", "string file_format pfm", "was changed from 'pfm' to 'openexr': "),
+            ("film", "string component_format uint32", "was changed from 'uint32' to 'float32': "),
+            ("film", "boolean compensate true", "was ignored: "),
         ],
     )
     def test_what_the_farm_changes_or_ignores_is_said_and_changes_no_bit(
@@ -237,7 +237,7 @@ class TestPurity:
         expected = mitsuba.render_pass(4, 1)
         loaded = mitsuba.load(_scene(tmp_path, (f"</{inside}>", f"{value}</{inside}>")))
         (said,) = loaded.notes
-        assert said.startswith(f"the {inside}'s {note}")
+        assert said.startswith(f"the {inside}'s {name} {note}")
         assert np.array_equal(mitsuba.render_pass(4, 1), expected)
 
     def test_what_the_scene_says_as_the_farm_does_it_is_not_remarked_on(self, mitsuba, tmp_path):

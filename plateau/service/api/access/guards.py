@@ -132,10 +132,11 @@ class BodyLimit(Layer):
     def _limit(self, scope: Scope) -> tuple[int, Problem]:
         """The most bytes of the body, and the problem with more."""
         kind = (header(scope["headers"], b"content-type") or "").lower()
-        if scope["path"] not in _FORMS or not kind.startswith("multipart/form-data"):
+        if scope["path"] not in _FORMS:
+            return _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
+        if not kind.startswith("multipart/form-data"):
             wrong = Problem(problems.NOT_MULTIPART, media_type=kind.partition(";")[0] or "unnamed")
-            other = _limited(problems.LARGE_CHANGE, _MOST_OF_A_CHANGE)
-            return (_MOST_OF_A_CHANGE, wrong) if scope["path"] in _FORMS else other
+            return _MOST_OF_A_CHANGE, wrong
         caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
         most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
         if most < self._most:
