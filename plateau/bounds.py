@@ -1,7 +1,5 @@
 """Numeric parameters with bounds, declared beside the default; the bounds are allowed values."""
 
-from __future__ import annotations
-
 from dataclasses import field, fields
 from typing import TYPE_CHECKING, TypeVar
 
@@ -28,7 +26,7 @@ def bounded_if_given(least: float, most: float) -> float | None:
     return number
 
 
-def require_bounds(parameters: DataclassInstance) -> None:
+def require_bounds(parameters: "DataclassInstance") -> None:
     """Raise ValueError unless each bounded field of the dataclass lies between its bounds.
 
     A field whose default is None may be None too.

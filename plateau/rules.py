@@ -9,17 +9,15 @@ This module lies below `plateau.farm` and `plateau.metric`, which do not import 
 imports no numerics.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
+from typing import ClassVar, Final, TypeVar
 
 from plateau.bounds import bounded, require_bounds
 from plateau.extensions import offered
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: The entry point group of rules.
 GROUP: Final = "plateau.rules"

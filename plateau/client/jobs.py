@@ -10,6 +10,7 @@ from plateau.client.submission import spec_of, submitted
 from plateau.client.transport import Calls
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.notice import NoticeSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobPage, JobView, Log, Slices, SliceView
 from plateau.files.scene_at_hand import SceneAtHand
@@ -88,6 +89,8 @@ class JobCalls(Calls):
         """
         if after := changes.get("after"):
             changes["after"] = [job_or_batch(one, self._transport.whole_id) for one in after]
+        if isinstance(notice := changes.get("notice"), NoticeSpec):
+            changes["notice"] = notice.as_request()
         headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
         path = f"/v1/jobs/{job_id}/again"
         return self._transport.make(JobView, path, headers=headers, json=changes)

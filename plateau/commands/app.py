@@ -110,13 +110,9 @@ class Command(typer.core.TyperCommand):
             raise typer.Exit(ExitCode.INTERRUPTED) from None
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
             raise typer.Exit(ExitCode.FAILED) from None
-        except typer.Exit:  # an exit code, not an error
-            raise
-        except Exception as error:
+        except EXPECTED as error:
             from plateau.farm.model.errors import Incompatible
 
-            if not isinstance(error, EXPECTED):
-                raise
             tell(_in_words(error))
             misfit = isinstance(error, Incompatible | OtherVersion)
             raise typer.Exit(ExitCode.INCOMPATIBLE if misfit else ExitCode.FAILED) from None

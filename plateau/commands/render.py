@@ -54,7 +54,7 @@ def render(
     With the rule jod, quality.png shows where a person would see the noise (yellow). If pixels are
     NaN or infinite, non-finite.png marks them; more than 0.1 % of such pixels fail the job. The
     files of an earlier job in DIR are replaced at the end, all together, and no other command can
-    write there meanwhile. Ctrl-C cancels the job and still writes its results; a second Ctrl-C
+    write there meanwhile. Ctrl-C cancels the job and writes its results so far; a second Ctrl-C
     exits at once. If DIR cannot be written, the command fails before it renders anything. If DIR
     becomes unwritable later, the results go to a temporary folder, which the command names.
     """

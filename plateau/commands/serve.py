@@ -128,15 +128,7 @@ def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = 
             standing.start()
 
         try:
-            process.run(
-                settings,
-                host=door.host,
-                port=door.port,
-                open_to_all=door.open_to_all,
-                certificate=door.certificate,
-                private_key=door.private_key,
-                ready=ready,
-            )
+            process.run(settings, ready=ready, **vars(door))
         except process.CannotListen as error:
             raise CommandFailed(str(error)) from error
         standing.end()

@@ -8,23 +8,17 @@ The blend's error is measured in the same way: each half is blended with its den
 compared with the other half at pixels that had no say in it.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from plateau.metric.denoise import smoothed
-from plateau.metric.display import Image, Plane, as_image
+from plateau.metric.display import Image, Mask, Plane, View, as_image
 from plateau.metric.halved import Change, Halved, Viewing, energy, halved
 from plateau.metric.noise_model import Half, NoiseModel
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from plateau.metric.display import Mask, View
 
 #: A denoiser.
 Denoise: TypeAlias = Change
@@ -57,7 +51,7 @@ class Blend:
     #: The blend as it is seen, (H, W, 3) float32: the image itself, where nobody says otherwise.
     seen: Image = field(repr=False)
 
-    def with_flaws(self, image: Image, flawed: Mask, see: Change) -> Blend:
+    def with_flaws(self, image: Image, flawed: Mask, see: Change) -> "Blend":
         """Return the blend with these pixels of the image, which no denoiser mends."""
         if not flawed.any():
             return self

@@ -5,18 +5,12 @@ of the noise around each pixel is known, and the filter keeps the part of the ba
 exceeds it: a Wiener filter without guesses. Texture above the noise stays; flat areas become flat.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from plateau.metric.display import Image, Plane
 from plateau.metric.pyramid import KERNEL
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from plateau.metric.display import Image, Plane
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
 BANDS = 3

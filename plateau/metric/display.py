@@ -5,20 +5,16 @@ gamma). The functions compute, for a `View`, the displayed RGB, CIE XYZ, luminan
 coordinates a* and b*.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plateau.bounds import bounded, bounded_if_given, require_bounds
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: An image, (H, W, 3) float32.
 Image: TypeAlias = NDArray[np.float32]

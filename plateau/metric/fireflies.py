@@ -1,18 +1,13 @@
 """Light of fireflies: a screen shows it as white, and the converged image has it around them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
-from plateau.metric.display import Image, as_image
+from plateau.metric.display import Image, View, as_image
+from plateau.metric.noise_model import Half
 from plateau.metric.quality import BLOCK
 from plateau.metric.zone_noise import zone_sums
-
-if TYPE_CHECKING:
-    from plateau.metric.display import View
-    from plateau.metric.noise_model import Half
 
 #: The least share of a block's light that anybody could see.
 LEAST_SEEN: Final = 0.01

@@ -5,18 +5,12 @@ times that at n. With T for the truth and N for the error (see `plateau.metric.e
 D(T, T + sqrt(n/n') N) forecasts the estimate at n'.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from plateau.metric.estimate import DETERMINED, require_target
-
-if TYPE_CHECKING:
-    from plateau.metric.estimate import Estimate
-    from plateau.metric.noise_model import NoiseModel
-    from plateau.metric.vdp import Percept, VisibleDifferences
+from plateau.metric.estimate import DETERMINED, Estimate, require_target
+from plateau.metric.noise_model import NoiseModel
+from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0

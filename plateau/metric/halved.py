@@ -1,21 +1,15 @@
 """An image and its halves, as they are and as a display shows them: what a blend is made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plateau.metric.display import Image, Mask, Plane, as_image, finite_pixels
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import View
-    from plateau.metric.noise_model import Half
+from plateau.metric.display import Image, Mask, Plane, View, as_image, finite_pixels
+from plateau.metric.noise_model import Half
 
 #: What makes another image of a finite (H, W, 3) float32 image of linear radiance, the same one
 #: each time: a denoiser, or a view transform.
@@ -59,7 +53,7 @@ class Halved:
         """The squared difference of the halves on the screen."""
         return energy(self.shown[0] - self.shown[1])
 
-    def crossed(self, found: Halved) -> Plane:
+    def crossed(self, found: "Halved") -> Plane:
         """Return the squared differences of what was found of each half from the other half."""
         one, other = self.shown
         return energy(found.shown[0] - other) + energy(found.shown[1] - one)

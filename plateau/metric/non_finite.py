@@ -1,16 +1,10 @@
 """Pixels that are NaN or infinite: their places, and their allowed number."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric.display import as_image, finite_pixels
-
-if TYPE_CHECKING:
-    from plateau.metric.display import Image, Mask
+from plateau.metric.display import Image, Mask, as_image, finite_pixels
 
 #: The allowed share of such pixels. No sample repairs them, and no count includes them.
 MOST_NON_FINITE = 0.001

@@ -1,14 +1,10 @@
 """Eight copies of a luminance plane with increasing blur, all at full resolution."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from plateau.metric.display import Plane
+from plateau.metric.display import Plane
 
 #: Levels, with the sharp plane.
 LEVELS = 8

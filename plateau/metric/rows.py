@@ -4,16 +4,12 @@ Kernels work without the interpreter's lock. One writes what its rows are, and r
 only what it does not write.
 """
 
-from __future__ import annotations
-
 import os
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from typing import Any, Final, TypeVar
 
 _Result = TypeVar("_Result")
 

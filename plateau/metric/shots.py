@@ -7,28 +7,20 @@ to frame flickers in N as it does in the shot, and noise that stands still stand
 the first frame come those that follow it, mirrored, as noise would otherwise stand still there.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plateau.metric.cvvdp import Quality, mirrored, video_jod
+from plateau.metric.blend import BlendError
+from plateau.metric.cvvdp import ColorVideoVDP, Quality, mirrored, video_jod
 from plateau.metric.cvvdp.video import Video, temporal_filters
-from plateau.metric.display import displayed
+from plateau.metric.display import Plane, View, displayed
 from plateau.metric.noise_model import NoiseModel
 from plateau.metric.quality import BEST_JOD, FIRST_POWER, MODEL_ERROR
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from plateau.metric.blend import BlendError
-    from plateau.metric.cvvdp import ColorVideoVDP
-    from plateau.metric.display import Plane, View
 
 #: A frame is seen at a moment if it has this share of the weight of the frame that has the most.
 _SEEN = 0.5

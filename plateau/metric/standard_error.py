@@ -10,22 +10,17 @@ quarters), and the contrast of even and odd slices decides. So no estimate is re
 was low by chance.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plateau.metric.display import Image, Plane
 from plateau.metric.zone_noise import zone_sums
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Image, Plane
 
 #: Given the means of the quarters, (3, H, W) each, and their slices: what returns, for the squared
 #: difference of two of them, what it counts, by the numbers of the other two.

@@ -1,21 +1,15 @@
 """Decides a round of a job that is allocated by zones, by the image of an earlier one."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plateau.farm.model.slices.plan import Plan
+from plateau.farm.model.slices.rounds import Round
+from plateau.metric import Evidence
 from plateau.picture.canvas import areas_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.farm.model.slices.plan import Plan
-    from plateau.farm.model.slices.rounds import Round
-    from plateau.metric import Evidence
-
 
 #: The samples of a slice, as a share of those of a slice of the whole film. Only two rounds are
 #: decided at a time, and they are to keep many workers busy.

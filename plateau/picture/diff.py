@@ -59,32 +59,24 @@ class Comparison:
     #: By ColorVideoVDP, with its map; None where that was not asked.
     quality: "Quality | None" = None
 
-    @property
-    def width(self) -> int:
-        """Pixels across."""
-        return int(self.shown.shape[1])
-
-    @property
-    def height(self) -> int:
-        """Pixels down."""
-        return int(self.shown.shape[0])
-
     def as_json(self) -> dict[str, Any]:
         """The result as JSON values."""
+        height, width = self.shown.shape[:2]
         return {
             "visible_pixels": self.difference.count,
             "visible_fraction": self.difference.fraction,
             "non_finite_pixels": self.difference.non_finite,
             "non_finite_at": self.non_finite_at,
-            "width": self.width,
-            "height": self.height,
+            "width": width,
+            "height": height,
             "view": asdict(self.view),
             **({} if self.quality is None else {"jod": self.quality.jod}),
         }
 
     def in_words(self) -> str:
         """The result as a sentence."""
-        count, total = self.difference.count, self.width * self.height
+        height, width = self.shown.shape[:2]
+        count, total = self.difference.count, width * height
         noun, verb = "pixel" if total == 1 else "pixels", "differs" if count == 1 else "differ"
         words = f"{count:,} of {total:,} {noun} ({share(count, total)}) {verb} visibly"
         lost = self.difference.non_finite

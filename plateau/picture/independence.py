@@ -53,9 +53,11 @@ class Independence:
                 "images of jobs with different seeds"
             )
         values, detail = _sampled(image)
+        telling = detail > _DETAIL * np.abs(values)
         comparable = self._values and len(self._values[0]) == len(values)
-        if comparable and np.count_nonzero(_is_detailed(values, detail)) >= _LEAST:
-            alike = _share_alike(np.stack(self._values), values, detail)
+        if comparable and np.count_nonzero(telling) >= _LEAST:
+            others = np.stack(self._values)[:, telling]
+            alike = _share_alike(others, values[telling], detail[telling])
             if alike.max() > _MOST_ALIKE:
                 raise NotIndependent(
                     f"{self._names[int(alike.argmax())]} and {name} have the same noise, as "
@@ -75,17 +77,10 @@ def _sampled(image: Pixels) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return values[chosen], detail[chosen]
 
 
-def _is_detailed(values: NDArray[np.float64], detail: NDArray[np.float64]) -> NDArray[np.bool_]:
-    found: NDArray[np.bool_] = detail > _DETAIL * np.abs(values)
-    return found
-
-
 def _share_alike(
     others: NDArray[np.float64], values: NDArray[np.float64], detail: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return of each other image the share of the detailed pixels that are one with these."""
-    telling = _is_detailed(values, detail)
-    apart = np.abs(others[:, telling] - values[telling])
-    most = np.minimum(_OF_DETAIL * detail[telling], _OF_VALUE * np.abs(values[telling]))
-    share: NDArray[np.float64] = (apart <= most).mean(axis=1)
+    most = np.minimum(_OF_DETAIL * detail, _OF_VALUE * np.abs(values))
+    share: NDArray[np.float64] = (np.abs(others - values) <= most).mean(axis=1)
     return share

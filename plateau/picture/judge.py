@@ -102,7 +102,7 @@ class Judge:
             The merged image denoised, if that is to be judged.
         """
         raw = self._evidence(merge)
-        evidence = raw if denoised is None else _of_denoised(raw, denoised)
+        evidence = _of_denoised(raw, denoised)
         allotted = self._allotted(evidence, merge, plan, denoised)
         verdicts = self._verdicts(evidence)
         visible = verdicts[CURVE].visible
@@ -139,8 +139,9 @@ class Judge:
         self, evidence: Evidence, merge: MergedImage, plan: Plan | None, denoised: Denoised | None
     ) -> Future[Allotment] | None:
         """Begin to choose the zones of a round; None where the image chooses none."""
-        chosen_by = _by_other_halves(evidence, merge, denoised)
-        if not self._target or plan is None or chosen_by is None or merge.zone_spp is None:
+        if not self._target or plan is None or merge.zone_spp is None:
+            return None
+        if (chosen_by := _by_other_halves(evidence, merge, denoised)) is None:
             return None
         quality = self._rules[self._own].quality_target
         decide = partial(allotment, chosen_by, self._target, plan, quality_target=quality)
@@ -217,9 +218,7 @@ class Judge:
     def noise_maps(self, merge: MergedImage, denoised: Denoised | None = None) -> NoiseMaps:
         """Return where noise is left to see in the merged image, or in the image denoised."""
         if self._noise_maps is None or self._noise_maps[0] != merge.spp:
-            evidence = self._evidence(merge)
-            if denoised is not None:
-                evidence = _of_denoised(evidence, denoised)
+            evidence = _of_denoised(self._evidence(merge), denoised)
             estimate = None if flaw_of(evidence.image) else evidence.estimate
             self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
         return self._noise_maps[1]
@@ -254,16 +253,14 @@ class Judge:
             rule.recall(Memory(numbers[name], own))
 
 
-def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
-    return replace(raw, image=denoised.blend.seen, error=denoised.error)
+def _of_denoised(raw: Evidence, found: Denoised | None) -> Evidence:
+    return raw if found is None else replace(raw, image=found.blend.seen, error=found.error)
 
 
 def _by_other_halves(
     evidence: Evidence, merge: MergedImage, denoised: Denoised | None
 ) -> Evidence | None:
-    """Return the evidence by which zones are chosen; None of whole frames, and without halves."""
-    if merge.zone_spp is None:
-        return None
+    """Return the evidence by which zones are chosen; None without halves."""
     if denoised is not None:
         return replace(evidence, error=denoised.others) if denoised.others else None
     halves = merge.other_halves()

@@ -43,11 +43,6 @@ class Member:
         self._start_after = 0.0
         self._backoff = Backoff(_BACKOFF_S, _LONGEST_BACKOFF_S)
 
-    @property
-    def pid(self) -> int | None:
-        """Its process id; None if it has not been started, or has died."""
-        return self._process.pid if self._process else None
-
     def start(self, *, passed: tuple[int, ...] = (), more: tuple[str, ...] = ()) -> None:
         """Start it, this time also with these descriptors and arguments."""
         self.rotate_log()

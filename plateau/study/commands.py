@@ -60,7 +60,7 @@ def create(
         typer.Option(
             "--at-stops",
             help="Test images where the job's rules, its own and those that it watched, stopped or "
-            "would have; between the first and the last of them; and at half and twice their spp.",
+            "would have, between the first and the last, at half the first and at twice the last.",
         ),
     ] = False,
     name: Annotated[

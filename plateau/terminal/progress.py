@@ -102,9 +102,6 @@ class PlainProgress(Progress):
             after = figures.duration((point.at - self._job.created_at).total_seconds())
             self.note(job_text.point_line(self._job, point, self._rate(self._job), after))
 
-    def refresh(self) -> None:
-        """Print nothing: the passing time is worth no line."""
-
 
 class LiveProgress(Progress):
     """A few lines that change in place.

@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.farm.model.job import Event, LogEntry
 from plateau.farm.model.states import JobState
-from plateau.farm.process.log import printable
+from plateau.farm.process.letters import printable
 from plateau.farm.wire import figures
 
 #: Of many troubles, a story shows this many from the beginning and from the end.

@@ -8,7 +8,7 @@ from rich.cells import cell_len, set_cell_size
 from rich.console import Console
 from rich.text import Text
 
-from plateau.farm.process.log import on_one_line
+from plateau.farm.process.letters import on_one_line
 
 _GAP: Final = 2  #: between two columns
 #: The last column is not cut below this width; the terminal wraps lines that are still too long.

@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.farms.real_farm import RealFarm
 from tests.support.until import until
+from tests.worker.conftest import scalar as scalar
 
 
 @pytest.fixture(scope="session")

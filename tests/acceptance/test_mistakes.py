@@ -1,7 +1,6 @@
 """Mistakes in a first scene of one's own: each message says what is wrong, where, what to do."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -71,12 +70,6 @@ def _said(scene: dict[str, Any], farm: str) -> str:
     return "nothing"
 
 
-@pytest.fixture(scope="module")
-def python() -> Iterator[MitsubaProcess]:
-    with MitsubaProcess("scalar_rgb") as process:
-        yield process
-
-
 @pytest.mark.parametrize("mistake", IN_A_FILE)
 @pytest.mark.parametrize("command", ["render", "submit"])
 def test_in_a_file(
@@ -98,9 +91,9 @@ def test_in_a_file(
 
 
 @pytest.mark.parametrize("mistake", IN_A_DICT)
-def test_in_a_dict(staffed: RealFarm, python: MitsubaProcess, mistake: str) -> None:
+def test_in_a_dict(staffed: RealFarm, scalar: MitsubaProcess, mistake: str) -> None:
     change, says = IN_A_DICT[mistake]
-    said = python.call(_said, _scene(**change), staffed.url)
+    said = scalar.call(_said, _scene(**change), staffed.url)
     assert re.search(says, said), said
 
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from bench import eyes
 
@@ -10,15 +9,10 @@ SPP = 25
 
 
 @pytest.fixture(scope="module")
-def recording() -> NDArray[np.float32]:
-    """100 slices of a grey film."""
+def found() -> dict[str, list[list[str]]]:
+    """Of 100 slices of a grey film."""
     noise = np.random.default_rng(1).normal(0, 0.05, (100, 48, 48, 3))
-    return np.float32(0.4) + noise.astype(np.float32)
-
-
-@pytest.fixture(scope="module")
-def found(recording: NDArray[np.float32]) -> dict[str, list[list[str]]]:
-    return eyes.tables("grey", recording, SPP, runs=2)
+    return eyes.tables("grey", np.float32(0.4) + noise.astype(np.float32), SPP, runs=2)
 
 
 def test_more_quality_takes_more_samples(found: dict[str, list[list[str]]]) -> None:

@@ -8,20 +8,17 @@ from plateau.metric import Image
 from tests.support.images import PAPER
 
 
-def grey(value: float, *, size: int = 4) -> Image:
-    return np.full((size, size, 3), value, np.float32)
+def grey(value: float) -> Image:
+    return np.full((4, 4, 3), value, np.float32)
 
 
-def with_one_pixel(image: Image, value: float) -> Image:
+def with_one(place: tuple[int, ...], image: Image, value: float) -> Image:
     changed = image.copy()
-    changed[1, 2] = value
+    changed[place] = value
     return changed
 
 
-def with_one_channel(image: Image, value: float) -> Image:
-    changed = image.copy()
-    changed[3, 0, 2] = value
-    return changed
+PIXEL, CHANNEL = (1, 2), (3, 0, 2)
 
 
 def film(value: float, spp: int, *, size: int = 4) -> Image:
@@ -37,9 +34,9 @@ class TestLuxCoresRule:
         ("images", "stops"),
         [
             ((grey(BEFORE), grey(UNDER)), True),
-            ((grey(BEFORE), with_one_channel(grey(BEFORE), OVER)), False),
+            ((grey(BEFORE), with_one(CHANNEL, grey(BEFORE), OVER)), False),
             ((grey(0.1), grey(BEFORE), grey(UNDER)), True),
-            ((with_one_pixel(grey(0.5), np.nan),) * 2, True),
+            ((with_one(PIXEL, grey(0.5), np.nan),) * 2, True),
         ],
         ids=["no pixel", "one channel of one", "since the image before", "not a number"],
     )
@@ -61,8 +58,8 @@ class TestCyclesRule:
     def test_every_pixel_must_be_under_five_times_the_threshold(self) -> None:
         image, rule = grey(0.12), CyclesThreshold()
         assert rule.stops(100, image, grey(0.1299))  # 0.0297 / 0.6001 < 0.05
-        assert not rule.stops(100, image, with_one_pixel(image, 0.1301))
-        assert CyclesThreshold(threshold=0.011).stops(100, image, with_one_pixel(image, 0.1301))
+        assert not rule.stops(100, image, with_one(PIXEL, image, 0.1301))
+        assert CyclesThreshold(threshold=0.011).stops(100, image, with_one(PIXEL, image, 0.1301))
 
 
 def test_a_pixel_of_cycles_goes_on_with_its_neighbours_and_the_others_end() -> None:

@@ -34,8 +34,7 @@ def _session(blend: Path, url: str, **asked: object) -> dict[str, Any]:
     lines = done.stdout.splitlines()
     assert lines, done.stderr
     assert lines[-1].startswith("{"), done.stdout + done.stderr
-    found: dict[str, Any] = json.loads(lines[-1])
-    return found
+    return json.loads(lines[-1])
 
 
 def test_a_file_is_packed_sent_and_its_image_loaded(farm, blend, tmp_path):

@@ -17,8 +17,7 @@ GPUS = [one.own_name for one in renderers()["cycles"].variants if one.on_gpu]
 def _found() -> dict[str, list[str]]:
     searched = command(VARIANT, "plateau.cycles.devices")
     done = subprocess.run(searched, capture_output=True, text=True, check=True)
-    found: dict[str, list[str]] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def test_the_farm_has_a_variant_for_what_blender_finds():

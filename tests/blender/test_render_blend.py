@@ -19,8 +19,7 @@ def _rendered(scene: Path, out: Path, *options: str) -> dict[str, Any]:
     arguments = ("render", str(scene), "-o", str(out), "--threads", "1", *options)
     with Command(*arguments, folder=out.parent) as command:
         assert command.exit_code(240) == 0, command.said
-    summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
-    return summary
+    return json.loads((out / "summary.json").read_text())
 
 
 def test_the_image_does_not_depend_on_the_workers(blend, tmp_path):

@@ -4,7 +4,7 @@ import os
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.cluster.support_network import Network
@@ -28,10 +28,7 @@ SPEC: Final[dict[str, Any]] = {
 }
 
 
-Case = TypeVar("Case")
-
-
-def cases(every: Iterable[Case], short: Iterable[Case]) -> list[Case]:
+def cases(every: Iterable[Any], short: Iterable[Any]) -> list[Any]:
     """All cases in the long form, a few of them in the short one, which CI runs."""
     return list(short if os.environ.get("CLUSTER_TESTS") == "short" else every)
 

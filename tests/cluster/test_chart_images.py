@@ -77,8 +77,7 @@ class TestTheContainerfile:
 class TestCompose:
     @pytest.fixture
     def compose(self) -> dict[str, Any]:
-        found: dict[str, Any] = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())
-        return found
+        return yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())
 
     @pytest.fixture
     def schema(self) -> Any:

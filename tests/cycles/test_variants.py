@@ -41,18 +41,14 @@ def test_a_gpu_renders_a_blender_file_if_it_is_asked_for_by_name():
         JobSpec.model_validate({"variant": "cycles:metal"})
 
 
-@pytest.fixture
-def blender(monkeypatch):
-    """Blender, as Python would find it."""
-    there = ModuleType("bpy")
-    there.__spec__ = ModuleSpec("bpy", None)
-    monkeypatch.setitem(sys.modules, "bpy", there)
-    monkeypatch.setattr(variants.identity, "of", lambda _: {})
-
-
 class TestDevicesOfCycles:
     @pytest.fixture(autouse=True)
-    def _scalar_alone(self, monkeypatch, blender):
+    def _scalar_alone(self, monkeypatch):
+        """Beside Blender, as Python would find it."""
+        there = ModuleType("bpy")
+        there.__spec__ = ModuleSpec("bpy", None)
+        monkeypatch.setitem(sys.modules, "bpy", there)
+        monkeypatch.setattr(variants.identity, "of", lambda _: {})
         monkeypatch.setattr(gpus, "cuda_driver", lambda: None)
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
 

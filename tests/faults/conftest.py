@@ -30,8 +30,7 @@ def undisturbed(shared_farm: FaultyFarm) -> Outcome:
     """What comes of the job where nothing happens, on any farm."""
     kept = Path(os.environ["TESTS_TEMPORARY"], "undisturbed")  # for all processes of ``-n``
     if kept.exists():
-        known: Outcome = pickle.loads(kept.read_bytes())
-        return known
+        return pickle.loads(kept.read_bytes())
     shared_farm.start("monitor")
     shared_farm.start("worker")
     job = shared_farm.submit(**BRIEF)

@@ -57,9 +57,8 @@ def test_a_store_that_fails_costs_no_lease(
         job = farm.submit_half_way(**BRIEF)
         try:
             fail(disk)
-            ended = farm.jobs.get(job).state.ended
-            if not ended:  # leases of slices that cannot be put are renewed
-                _wait_for_renewals(farm)
+            # Leases of slices that cannot be put are renewed, if there are any
+            ended = farm.jobs.get(job).state.ended or not _wait_for_renewals(farm)
         finally:
             heal(disk)
     assert_same(outcome(farm, job), undisturbed)
@@ -67,10 +66,12 @@ def test_a_store_that_fails_costs_no_lease(
     assert all(process.poll() is None for process in farm.processes)
 
 
-def _wait_for_renewals(farm: FaultyFarm) -> None:
+def _wait_for_renewals(farm: FaultyFarm) -> bool:
+    """Whether something was left to be renewed."""
     later = farm.jobs.now_ms() + 5000
-    for key in (keys.WORKERS, keys.LEASES):  # before the first lease could have run out
-        until(lambda key=key: min(_times(farm, key), default=0) > later, 45)
+    until(lambda: min(_times(farm, keys.WORKERS), default=0) > later)
+    until(lambda: min(_times(farm, keys.LEASES), default=later + 1) > later)
+    return bool(_times(farm, keys.LEASES))
 
 
 def _times(farm: FaultyFarm, key: str) -> list[float]:

@@ -9,6 +9,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,26 +110,20 @@ class Soak:
     @contextmanager
     def workers(self) -> Iterator[None]:
         """Threads that lease, render noise, and commit."""
-        over, failed = threading.Event(), list[BaseException]()
+        over = threading.Event()
 
         def work(number: int) -> None:
-            try:
-                with connect(self.farm.redis.url, 120.0) as client:
-                    _work(client, self.farm.redis.url, self.folder, f"noise-{number}", over)
-            except BaseException as error:
-                failed.append(error)
-                raise
+            with connect(self.farm.redis.url, 120.0) as client:
+                _work(client, self.farm.redis.url, self.folder, f"noise-{number}", over)
 
-        threads = [threading.Thread(target=work, args=(n,)) for n in range(WORKERS)]
-        for thread in threads:
-            thread.start()
-        try:
-            yield
-        finally:
-            over.set()
-            for thread in threads:
-                thread.join()
-        assert not failed
+        with ThreadPoolExecutor(WORKERS) as pool:
+            working = [pool.submit(work, number) for number in range(WORKERS)]
+            try:
+                yield
+            finally:
+                over.set()
+        for one in working:
+            one.result()
 
     def look(self, rendering: list[str]) -> None:
         """Use the API as people do, check what the jobs hold, and take a sample."""

@@ -12,17 +12,10 @@ from tests.support.farms.live_api import live_api
 from tests.support.scenes.bundles import scene
 
 
-@pytest.fixture
-def box(tmp_path: Path) -> Path:
-    path = tmp_path / "box.xml"
-    path.write_bytes(scene())
-    return path
-
-
 @pytest.mark.parametrize("left", [0, 10])
-def test_a_torn_scene_is_put_again(
-    left: int, box: Path, redis_url: str, store: Blobs, tmp_path: Path
-) -> None:
+def test_a_torn_scene_is_put_again(left: int, redis_url: str, store: Blobs, tmp_path: Path) -> None:
+    box = tmp_path / "box.xml"
+    box.write_bytes(scene())
     with live_api(redis_url, store) as url, Client(url) as client:
         sha256 = client.submit(box).scene_sha256
         # Given a blob that lost its end

@@ -24,12 +24,7 @@ _PLAIN: Final = {
 }
 
 
-def declarations(schemas: Mapping[str, Schema]) -> str:
-    """The namespace `Api`: an interface or an alias for each schema."""
-    return "\n".join(("declare namespace Api {", *_members(schemas), "}", ""))
-
-
-def _members(schemas: Mapping[str, Schema]) -> Iterator[str]:
+def members(schemas: Mapping[str, Schema]) -> Iterator[str]:
     for name, schema in sorted(schemas.items()):
         if "properties" not in schema:
             yield f"  type {name} = {typed(schema)};"
@@ -70,4 +65,6 @@ def typed(schema: Schema) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(declarations(api_document()["components"]["schemas"]), "utf-8")
+    # The namespace `Api`: an interface or an alias for each schema.
+    schemas = members(api_document()["components"]["schemas"])
+    Path(sys.argv[1]).write_text("\n".join(("declare namespace Api {", *schemas, "}", "")), "utf-8")

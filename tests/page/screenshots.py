@@ -54,11 +54,6 @@ def until_merged(farm: RealFarm, job_id: str, spp: int) -> None:
     )
 
 
-def until_finished(farm: RealFarm, job_id: str) -> None:
-    """Wait until a job's results are written."""
-    until(lambda: farm.jobs.get(job_id).finished_at, PATIENCE_S, every_s=0.5)
-
-
 def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str) -> None:
     """Take every picture, of a job that has converged and one that renders."""
 
@@ -132,8 +127,8 @@ def main() -> None:
         kept = {"parameters": SIZE, "keep_slices": True}
         levels = submit(farm, BOX, step=25, rule={"name": "fixed", "spp": 400}, **kept)
         truth = submit(farm, BOX, seed=1, rule={"name": "fixed", "spp": 800}, **kept)
-        for job in (box, levels, truth):
-            until_finished(farm, job.id)
+        for job in (box, levels, truth):  # until their results are written
+            until(lambda job=job: farm.jobs.get(job.id).finished_at, PATIENCE_S, every_s=0.5)
         lamps = [
             submit(
                 farm,

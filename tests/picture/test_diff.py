@@ -266,17 +266,13 @@ def test_a_layer_is_chosen_by_its_name(file, tmp_path):
     image = RNG.random((32, 48, 3), np.float32)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     layered = tmp_path / "layered.exr"
-    write_exr(layered, header, {"RGB": image, "albedo": np.zeros_like(image)})
+    with OpenEXR.File(header, {"RGB": image, "albedo": np.zeros_like(image)}) as exr:
+        exr.write(str(layered))
     black = file("black.exr", np.zeros_like(image))
     assert compare_files(file("plain.exr", image), layered).difference.count == 0
     assert compare_files(layered, layered, layer="albedo").shown.max() == 0
     assert "no layer 'albedo'" in refused(layered, black, "--layer", "albedo")
     assert "--layer is for EXR" in refused(*[file("a.png", grey())] * 2, "--layer", "albedo")
-
-
-def write_exr(path, header, channels):
-    with OpenEXR.File(header, channels) as exr:
-        exr.write(str(path))
 
 
 # What cannot be compared.

@@ -143,7 +143,9 @@ class TestAGlimpse:
             assert (farm.jobs.get(job.id).spp, farm.jobs.get(job.id).committed_spp) == (0, 0)
             farm.commit(lease)
             until(lambda: farm.jobs.get(job.id).image_spp == 10)
-            until(lambda: len(sets_of(farm, job.id)) == 1)
+            until(
+                lambda: len({n.split("/")[3] for n in farm.store.names(blobs.results(job.id))}) == 1
+            )
             # Only pictures of points are kept of the job's way
             assert kept(farm.store, job.id) == []
             farm.jobs.cancel(job.id)
@@ -176,7 +178,3 @@ class TestAGlimpse:
             farm.jobs.cancel(job.id)
             until(lambda: farm.jobs.get(job.id).finished_at is not None)
         assert caplog.text.count("the first pass cannot be shown") == 1
-
-
-def sets_of(farm: NoiseFarm, job_id: str) -> set[str]:
-    return {name.split("/")[3] for name in farm.store.names(blobs.results(job_id))}

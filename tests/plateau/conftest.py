@@ -22,8 +22,7 @@ def api(session_api: str, redis_url: str) -> str:
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
     """The API's blob store where a test has the API, else an empty one."""
     if "api" in request.fixturenames:
-        shared: Blobs = request.getfixturevalue("api_store")
-        return shared
+        return request.getfixturevalue("api_store")
     return Blobs(str(tmp_path / "blobs"))
 
 

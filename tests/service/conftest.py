@@ -9,7 +9,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
-from tests.support.farms.live_api import live_api
+from tests.support.farms.live_api import http_client, live_api
 from tests.support.farms.noise_farm import NoiseFarm
 
 
@@ -26,9 +26,7 @@ def session_api(embedded_redis: EmbeddedRedis, api_store: Blobs) -> Iterator[str
 
 @pytest.fixture
 def http(session_api: str, redis_url: str) -> Iterator[httpx.Client]:
-    # To load the certificates that nobody shows here takes longer than most tests.
-    options = {"trust_env": False, "verify": False, "timeout": 60}
-    with httpx.Client(base_url=session_api, **options) as http:
+    with http_client(session_api) as http:
         yield http
 
 

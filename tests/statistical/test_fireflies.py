@@ -37,8 +37,7 @@ def render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
         assert estimate is not None
         if estimate.pixels <= TARGET * SIDE**2:
             zones = sums.sum(axis=0) / spread(spp, ZONE, sums[0])
-            means: NDArray[np.float64] = zones.reshape(SIDE // ZONE, ZONE, -1, ZONE).mean((1, 3))
-            return means
+            return zones.reshape(SIDE // ZONE, ZONE, -1, ZONE).mean((1, 3))
         others = modelled(evidence(sums, spp, metric, OTHERS))
         plan = plan_round(metric, *others, TARGET, spp=spp, planned=spp, size=ZONE)
         flying = plan.zones * (-(-plan.spp // ROUND) * ROUND)  # the same in each quarter

@@ -37,8 +37,7 @@ def normal(rng: Any, side: int, spp: int) -> Floats:
     """Four quarters of so many samples a pixel, with noise that differs over the image."""
     size = picture(side) * np.linspace(0.1, 0.6, side)[:, np.newaxis, np.newaxis]
     common, own = rng.normal(size=(4, side, side, 1)), rng.normal(size=(4, side, side, 3))
-    quarters: Floats = picture(side) + size * (0.8 * common + 0.6 * own) / spp**0.5
-    return quarters
+    return picture(side) + size * (0.8 * common + 0.6 * own) / spp**0.5
 
 
 def filtered(rng: Any, side: int, spp: int) -> Floats:

@@ -67,8 +67,7 @@ class Difference:
         z = NormalDist().inv_cdf((1 + share) / 2)
         n = self.freedom
         t = z + (z**3 + z) / (4 * n) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * n**2)
-        width: NDArray[np.float64] = self.error * t
-        return width
+        return self.error * t
 
     def greatest(self, tests: int) -> float:
         """Return the greatest difference over what chance allows among so many (Sidak)."""

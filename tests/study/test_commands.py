@@ -1,14 +1,14 @@
 """`plateau study create | list | export | delete`: studies from the command line."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
 import redis
-from typer.testing import CliRunner
 
 from plateau.client import ApiError, Client
-from plateau.commands import app, meet_extensions
+from plateau.commands import meet_extensions
 from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, WatchedValue
 from plateau.farm.wire import examples
@@ -19,13 +19,11 @@ from plateau.study.model import Screen
 from tests.support.farms.live_api import live_api
 from tests.support.farms.noise_farm import NoiseFarm
 from tests.support.farms.studies import SCREEN, ended_job, sees
+from tests.support.processes.commands import plateau as command
 
 meet_extensions()
 
-
-def plateau(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, ["study", *arguments])
-    return done.exit_code, done.stdout, done.stderr
+plateau = partial(command, "study")
 
 
 def test_a_study_from_the_command_line(

@@ -58,8 +58,7 @@ def take_part(http: httpx.Client, study: dict[str, Any], name: str = "o-1") -> d
     path = f"{study['links']['self']}/observers/{name}"
     answer = http.put(path, json={"screen": SCREEN})
     assert answer.status_code == 200, answer.text
-    observer: dict[str, Any] = answer.json()
-    return observer
+    return answer.json()
 
 
 def answer(
@@ -69,9 +68,9 @@ def answer(
     return http.put(path, json={"seen": seen, "seconds": 1.5})
 
 
-def merged_png(slices: int, seed_from: int = 0) -> bytes:
+def merged_png(slices: int, seed_from: int = 0, spp: int = SPP) -> bytes:
     films = sum(
-        noise_film(seed_from + index, SPP, 1.0).astype(np.float64) for index in range(slices)
+        noise_film(seed_from + index, spp, 1.0).astype(np.float64) for index in range(slices)
     )
     return encode_png(encode_srgb((films[..., :3] / films[..., 3:]).astype(np.float32), 0.0))
 
@@ -95,9 +94,7 @@ class TestPictures:
         other = ended_job(farm, slices=5, slice_spp=20, seed=7, film_from=100)
         study = made(http, job, reference_job_id=other.id)
         assert (study["independent"], study["reference_spp"]) == (True, 100)
-        films = sum(noise_film(100 + i, 20, 1.0).astype(np.float64) for i in range(5))
-        expected = encode_srgb((films[..., :3] / films[..., 3:]).astype(np.float32), 0.0)
-        assert http.get(study["links"]["reference"]).content == encode_png(expected)
+        assert http.get(study["links"]["reference"]).content == merged_png(5, 100, 20)
         # One with the same noise is not independent, whatever its seed
         alike = ended_job(farm, slices=8, slice_spp=SPP, seed=9)
         assert not made(http, job, reference_job_id=alike.id)["independent"]

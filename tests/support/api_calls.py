@@ -13,7 +13,7 @@ BOX = scene(sensor=f'<sensor type="perspective">{FILM.format(16)}</film></sensor
 
 def submit(
     http: httpx.Client,
-    content: bytes | None = BOX,
+    content: str | bytes | None = BOX,
     spec: dict[str, Any] | str | None = None,
     *,
     filename: str = "box.xml",

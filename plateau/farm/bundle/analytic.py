@@ -9,8 +9,6 @@ job's parameter replaces the field of its name. `plateau.worker.renderers.analyt
 fields mean in pixels.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields

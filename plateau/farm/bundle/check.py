@@ -13,13 +13,13 @@ judges the values, or reads a format that it alone knows.
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, BinaryIO
 
 from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.entry import find_entry
-from plateau.farm.bundle.formats import SceneFormat, format_named, formats
+from plateau.farm.bundle.formats import Checked, SceneFormat, format_named, formats
 from plateau.farm.bundle.limits import BundleError, BundleLimits
 from plateau.farm.bundle.magic import BEGINNING_BYTES, what_it_is
 from plateau.farm.bundle.tree import Bundle, Parts
@@ -31,8 +31,8 @@ _COPY_BYTES = 2**20
 _DEFAULT_LIMITS = BundleLimits()
 
 
-@dataclass(frozen=True)
-class SceneSummary:
+@dataclass(frozen=True, kw_only=True)
+class SceneSummary(Checked):
     """What a check learned of an upload."""
 
     #: of a single file, as its format calls it; "zip"
@@ -44,16 +44,6 @@ class SceneSummary:
     #: names in scene roots
     files: int
     bytes_unpacked: int
-    #: size of the image in pixels: the film of the chosen sensor, or its crop window; None where
-    #: the renderer alone can tell
-    width: int | None
-    height: int | None
-    #: number of sensors
-    sensors: int
-    #: whether only variants that leave whole films to the renderer can render it
-    is_whole: bool = False
-    #: the scene's parameters with their defaults
-    parameters: dict[str, str] = field(default_factory=dict)
     #: the scene roots in which it has files
     roots: tuple[str, ...] = ()
 

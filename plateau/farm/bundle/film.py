@@ -123,9 +123,6 @@ class Cast:
                 "sensor 0",
             )
         chosen = self.sensors[sensor]
-        shared = [self._film(reference) for reference in chosen.references]
+        shared = [self.films.get(self.aliases.get(one, one)) for one in chosen.references]
         films = [*chosen.films, *(film for film in shared if film is not None)]
         return (films[0] if films else Film()).image_size(limits)
-
-    def _film(self, reference: str) -> Film | None:
-        return self.films.get(self.aliases.get(reference, reference))

@@ -5,13 +5,12 @@ checks every scene and knows the variants that can render it. A zip holds a Mits
 another format whose files have a suffix of their own, with what the scene needs.
 """
 
-from __future__ import annotations
-
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.limits import BundleLimits
@@ -19,19 +18,21 @@ from plateau.farm.bundle.tree import Parts, Tree
 from plateau.farm.bundle.walk import read_scene
 from plateau.farm.model.renderers import MITSUBA, renderers
 
-if TYPE_CHECKING:
-    import re
-
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """What a format's check learned of a scene; `SceneSummary` explains the fields."""
+    """What a format's check learned of a scene."""
 
+    #: size of the image in pixels: the film of the chosen sensor, or its crop window; None where
+    #: the renderer alone can tell
     width: int | None
     height: int | None
+    #: number of sensors
     sensors: int
-    parameters: dict[str, str]
+    #: whether only variants that leave whole films to the renderer can render it
     is_whole: bool = False
+    #: the scene's parameters with their defaults
+    parameters: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

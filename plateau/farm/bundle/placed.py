@@ -59,7 +59,7 @@ class Placed:
             document: Any = json.loads(text)
             if document["placed"] != _VERSION:
                 raise ValueError(f"its version is not {_VERSION}")
-            found = cls(
+            return cls(
                 str(document["entry"]),
                 {str(name): _content(**one) for name, one in document["files"].items()},
             )
@@ -67,7 +67,6 @@ class Placed:
             raise BundleError(
                 "not-a-scene", "it is no list of files in scene roots", file=LIST_NAME
             ) from error
-        return found
 
 
 def _content(*, bytes: int, sha256: str) -> Content:  # noqa: A002 - the field's name

@@ -31,7 +31,7 @@ from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.plugins import guess
 from plateau.farm.bundle.references import References, Role
 from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
-from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
+from plateau.farm.bundle.xml import XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
 _WHOLE = "stokes"
@@ -95,7 +95,7 @@ class _Reading:
     files: set[Parts]
     #: depth of the includes below it
     height: int = 0
-    cost: XmlCost = NOTHING
+    cost: XmlCost = field(init=False)
 
     def add(self, included: "_Reading") -> None:
         """Take in the reading of an included file."""

@@ -10,19 +10,15 @@ Some renderers divide direct and indirect light by the colour of the surface. A 
 not the quotient of the means, so a film has the light and the colour, and an image the quotient.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.farm.images.mattes import joined, mattes, ranked
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _COLOUR: Final = ("R", "G", "B")
 _WEIGHT: Final = 3  #: where W is
@@ -131,7 +127,7 @@ class Channels:
         """The number of leading channels that are judged: R, G, B, W and, if the film has it, A."""
         return _ALPHA + self.has_alpha
 
-    def seen(self) -> Channels:
+    def seen(self) -> "Channels":
         """Return the channels that are judged."""
         return Channels(self.names[: self.judged])
 
@@ -157,7 +153,7 @@ class Channels:
         return total
 
     def add_part(
-        self, total: NDArray[np.float64], film: NDArray[np.float32], part: Channels
+        self, total: NDArray[np.float64], film: NDArray[np.float32], part: "Channels"
     ) -> NDArray[np.float64]:
         """Return a sum with a film added that lacks some channels, and there has the sum's mean.
 
@@ -188,7 +184,7 @@ class Channels:
         return total
 
     def _unsummed(
-        self, total: NDArray[np.float64], film: NDArray[np.float32], part: Channels
+        self, total: NDArray[np.float64], film: NDArray[np.float32], part: "Channels"
     ) -> list[tuple[list[int], NDArray[np.float64]]]:
         """Return planes that are no sums, with their values once a film of some is added."""
         ids = [self.names.index(name) for name in self.ids]

@@ -1,14 +1,10 @@
 """The place of an image in its film, where it is a crop of it: part of what its header says."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: The attribute of an EXR file that has the crop's offset and the film's size.
 CROP: Final = "plateau:crop"

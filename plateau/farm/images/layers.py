@@ -5,19 +5,14 @@ here is whatever has R, G and B, or Y alone: the plain channels of a part go by 
 by none in a file of one part.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
 
 from plateau.farm.images.crops import CROP
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    import OpenEXR
-    from numpy.typing import NDArray
 
 #: What may stand beside a luminance Y; X, Y and Z are a vector.
 _OF_LUMINANCE = {"Y", "A", "RY", "BY"}

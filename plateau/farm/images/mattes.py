@@ -10,22 +10,17 @@ Source: Friedman and Jones, Fully automatic ID mattes with support for motion bl
 SIGGRAPH 2015 Posters, DOI 10.1145/2787626.2787629.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
+from collections.abc import Mapping
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.farm.images.crops import CROP, check_crop
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
 
 _CHANNEL: Final = re.compile(r"(.*Crypto(?:Object|Material|Asset))(\d\d)\.([rgba])")
 #: Of what an EXR file says about its mattes, by the specification of Cryptomatte.

@@ -4,17 +4,13 @@ A renderer that has such a transform (AgX or Filmic, with exposure and contrast)
 own library. So whoever judges and shows the image needs no such library.
 """
 
-from __future__ import annotations
-
 import base64
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: Values of R, G and B each in a table.
 SIZE: Final = 33
@@ -85,7 +81,7 @@ class ViewTransform:
         return f"{self.gain!r} {base64.b64encode(packed).decode()}"
 
     @classmethod
-    def from_text(cls, text: str) -> ViewTransform:
+    def from_text(cls, text: str) -> "ViewTransform":
         """Return the one that a text is; raise `ValueError` where it is none."""
         gain, _, packed = text.partition(" ")
         most = SIZE**3 * 3 * 2

@@ -17,10 +17,11 @@ from datetime import datetime
 from enum import Enum
 from typing import Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from plateau.farm.model.errors import UnknownKey
 from plateau.farm.model.job import moment
+from plateau.farm.model.record import Record
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import NoteUse, PutKey
@@ -46,10 +47,8 @@ class Role(str, Enum):
         return roles.index(self) >= roles.index(other)
 
 
-class KeyLimits(BaseModel):
+class KeyLimits(Record):
     """How much may be done with a key."""
-
-    model_config = ConfigDict(frozen=True)
 
     upload_bytes: int | None = Field(
         None, ge=1, le=2**50, description="largest upload; null: the farm's limit"
@@ -62,10 +61,8 @@ class KeyLimits(BaseModel):
     )
 
 
-class ApiKey(BaseModel):
+class ApiKey(Record):
     """A key without its secret."""
-
-    model_config = ConfigDict(frozen=True)
 
     id: str
     name: str

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from plateau.farm.ledger import records
+from plateau.farm.ledger import costs, records
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
 from plateau.farm.model.batch import Batch, BatchLine, Member, SteeredJob, summarise
 from plateau.farm.model.errors import BatchNotFound
@@ -191,7 +191,7 @@ def _member(job_id: str, fields: dict[str, str | None]) -> Member:
         state=JobState(fields["state"] or ""),
         held=fields["held"] is not None and fields["state"] == JobState.QUEUED,
         spp=int(fields["spp"] or 0),
-        committed_spp=records.committed_spp(fields, int(fields["slice_spp"] or 0)),
+        committed_spp=costs.committed_spp(fields, int(fields["slice_spp"] or 0)),
         estimate_fraction=latest.get("estimate_fraction"),
         expected_spp=latest.get("expected_spp"),
         shot=fields["shot"],

@@ -7,7 +7,7 @@ from plateau.farm.model.batch import SteeredJob
 from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.farm.redis.commands.jobs import Deleted, SetDeleted
+from plateau.farm.redis.commands.jobs import Moved, SetDeleted
 from plateau.farm.redis.scripts import OnRedis
 
 
@@ -58,7 +58,7 @@ class Deletions(OnRedis):
             done, why_not, state = False, "it belongs to another API key", had["state"]
             if may_touch(owned["owner"] or ""):
                 made = self._set(job_id, deleted=deleted)
-                done = made.outcome == "done"
+                done = made.outcome == "changed"
                 gone = made.state == "missing"
                 why_not = "it was just forgotten" if gone else "it has not ended"
             steered.append(
@@ -71,7 +71,7 @@ class Deletions(OnRedis):
             )
         return steered
 
-    def _set(self, job_id: str, *, deleted: bool) -> Deleted:
+    def _set(self, job_id: str, *, deleted: bool) -> Moved:
         return self._scripts.run(SetDeleted(job=job_id, deleted=deleted))
 
     def _deleted_from(self, batch: str) -> Sequence[str]:

@@ -40,8 +40,7 @@ class JobReads(OnRedis):
     def sha256(self, blob: str) -> str | None:
         """The SHA-256 of a job's result or preview; None where the blob went."""
         job_id, name = blobs.in_job(blob)
-        sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
-        return sha256
+        return self._redis.hget(keys.job(job_id, "digests"), name)
 
     def plan(self, job: Job) -> Plan:
         """What each slice of the job has, as far as it is decided."""

@@ -7,12 +7,11 @@ the token and is refused, with `FenceLost`, once another monitor has taken over.
 import json
 from collections.abc import Mapping
 
-from pydantic import BaseModel, ConfigDict
-
 from plateau.farm.blobs import names as blobs
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.record import Record
 from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.states import EndedBy, JobState
@@ -40,10 +39,8 @@ from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import OnRedis
 
 
-class Checkpoint(BaseModel):
+class Checkpoint(Record):
     """The sums of a job's first slices."""
-
-    model_config = ConfigDict(frozen=True)
 
     blob: str  #: its name in the blob store
     sha256: str  #: of its bytes

@@ -4,12 +4,11 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
 from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.fit import WorkerClass
 from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.record import Record
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
@@ -49,10 +48,8 @@ class Lease:
         return self.spec.slice_spp if self.round is None else self.round.spp
 
 
-class SliceRecord(BaseModel):
+class SliceRecord(Record):
     """A slice's record in the ledger."""
-
-    model_config = ConfigDict(frozen=True)
 
     index: int
     spp: int

@@ -11,6 +11,7 @@ from itertools import chain, count
 from typing import Any, Final
 
 from plateau.farm.blobs import names as blobs
+from plateau.farm.ledger import costs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import Again, CurvePoint, Event, Job, Notice, moment
@@ -160,18 +161,18 @@ def _job(fields: Mapping[str, str], sealed: Mapping[str, str]) -> Job:
         held="held" in fields and fields["state"] == JobState.QUEUED,
         awaits=int(fields.get("awaits", 0)),
         image_spp=_image_spp(fields),
-        committed_spp=committed_spp(fields, spec.slice_spp),
+        committed_spp=costs.committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
         spp_min=_zone_spp(fields, latest, "spp_min"),
         spp_max=_zone_spp(fields, latest, "spp_max"),
-        expected_s=_seconds_to(latest.get("expected_spp"), latest, fields),
+        expected_s=costs.seconds_to(latest.get("expected_spp"), latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=saved,
         saved_fraction=saved / cap if saved and cap else 0.0,
         machine_s=int(fields["machine_ms"]) / 1000,
-        core_hours=core_hours(fields),
-        saved_core_hours=saved_core_hours(fields, spec.slice_spp),
+        core_hours=costs.core_hours(fields),
+        saved_core_hours=costs.saved_core_hours(fields, spec.slice_spp),
         wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
         second_tries=int(fields.get("second_tries", 0)),
         notes=_notes(fields),
@@ -275,34 +276,6 @@ def _spec(fields: Mapping[str, str]) -> JobSpec:
     return spec
 
 
-def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
-    """The samples per pixel in the ledger: by zones their mean, rounded down."""
-    samples, width, height = map(fields.get, ("committed_samples", "width", "height"))
-    if samples and width and height:
-        return int(samples) // (int(width) * int(height))
-    return int(fields["committed"] or 0) * slice_spp
-
-
-def kept_spp(fields: Mapping[str, str | None]) -> int:
-    """The samples per pixel that the job has of the one that it renders again."""
-    again = fields.get("again")
-    return Again.model_validate_json(again).kept_spp if again else 0
-
-
-def core_hours(fields: Mapping[str, str | None]) -> float:
-    """The job's core hours."""
-    core_ms = int(fields["machine_ms"] or 0) + int(fields.get("further_core_ms") or 0)
-    return round(core_ms / 3_600_000, 9)
-
-
-def saved_core_hours(fields: Mapping[str, str | None], slice_spp: int) -> float:
-    """What the saved samples would have cost, had each cost what the job's own did."""
-    rendered_spp = committed_spp(fields, slice_spp) - kept_spp(fields)
-    samples = rendered_spp * int(fields.get("width") or 0) * int(fields.get("height") or 0)
-    saved = int(fields.get("samples_saved") or 0)
-    return round(core_hours(fields) * saved / samples, 9) if samples > 0 else 0.0
-
-
 def _zone_spp(fields: Mapping[str, str], latest: dict[str, Any], name: str) -> int | None:
     """That of the final image if it has later slices than the newest point."""
     return int(fields[name]) if name in fields else latest.get(name)
@@ -313,17 +286,3 @@ def _image_spp(fields: Mapping[str, str]) -> int | None:
     if not results:
         return None
     return blobs.spp_of_set(results) or int(fields["spp"]) or None
-
-
-def _seconds_to(spp: int | None, latest: dict[str, Any], fields: Mapping[str, str]) -> float | None:
-    """Seconds from the last point to so many spp, at the job's mean rate."""
-    if spp is None or "started_at" not in fields:
-        return None
-    paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
-    rendering_ms = float(fields["latest_at"]) - float(fields["started_at"]) - paused_ms
-    rendered = latest["spp"] - kept_spp(fields)
-    if rendered <= 0:  # the points are of what it has of another job
-        return None
-    spp_per_ms = rendered / max(1.0, rendering_ms)
-    seconds: float = max(0, spp - latest["spp"]) / spp_per_ms / 1000
-    return seconds

@@ -13,7 +13,7 @@ from functools import cache
 from itertools import islice
 from typing import Final
 
-from plateau.farm.ledger import records
+from plateau.farm.ledger import costs, records
 from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.fit import ANY, class_of_worker, parts_of
 from plateau.farm.model.place_names import DEFAULT_POOL
@@ -203,7 +203,7 @@ def _demand(job: Mapping[str, str], waiting: int, leased: int, usual_ms: float) 
     left = float(leased)  # more workers would be of no use
     if waiting:
         left = max(waiting + leased, int(job["expected_spp"] or 0) / slice_spp - committed)
-    measured = committed - records.kept_spp(job) / slice_spp
+    measured = committed - costs.kept_spp(job) / slice_spp
     slice_ms = int(job["machine_ms"]) / measured if measured > 0 else usual_ms
     return Demand(
         waiting=waiting, leased=leased, left=math.ceil(left), work_s=left * slice_ms / 1000

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Final
 
-from plateau.farm.ledger import records
+from plateau.farm.ledger import costs, records
 from plateau.farm.model.job import moment
 from plateau.farm.model.usage import Grouping, UsageRow
 from plateau.farm.redis import keys
@@ -95,6 +95,6 @@ def _spent(
         jobs=1,
         machine_s=int(fields["machine_ms"] or 0) / 1000,
         wasted_s=int(fields["wasted_ms"] or 0) / 1000,
-        core_hours=records.core_hours(fields),
-        saved_core_hours=records.saved_core_hours(fields, int(fields["slice_spp"] or 0)),
+        core_hours=costs.core_hours(fields),
+        saved_core_hours=costs.saved_core_hours(fields, int(fields["slice_spp"] or 0)),
     )

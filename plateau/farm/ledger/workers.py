@@ -58,13 +58,6 @@ class MonitorLife:
         self._id = monitor_id
         self._lease_ms = round(lease_s * 1000)
 
-    def heartbeat(self, jobs: int) -> None:
-        """Report that the monitor lives, and the number of its jobs."""
-        self._report(jobs)
-
-    def sign_off(self) -> None:
-        """Report for the last time."""
-        self._report(None)
-
-    def _report(self, jobs: int | None) -> None:
+    def heartbeat(self, jobs: int | None) -> None:
+        """Report that the monitor lives, and the number of its jobs; None for the last time."""
         self._scripts.run(MonitorHeartbeat(monitor=self._id, jobs=jobs, life_ms=self._lease_ms))

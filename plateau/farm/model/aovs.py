@@ -4,8 +4,6 @@ A renderer need not have all of them. Which ones it has is in its package in
 `plateau.worker.renderers`; a scene that asks for another is refused there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 

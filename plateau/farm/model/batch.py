@@ -5,18 +5,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from plateau.farm.model.record import Record
 from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class Extent(_Record):
+class Extent(Record):
     """The range of a value over several jobs."""
 
     least: float
@@ -24,7 +21,7 @@ class Extent(_Record):
     mean: float
 
 
-class Batch(_Record):
+class Batch(Record):
     """Many jobs under one name."""
 
     name: str
@@ -71,7 +68,7 @@ class Member:
     finished: bool
 
 
-class BatchLine(_Record):
+class BatchLine(Record):
     """A batch in a list of them."""
 
     name: str
@@ -80,7 +77,7 @@ class BatchLine(_Record):
     newest_at: datetime = Field(description="when its newest job was made")
 
 
-class SteeredJob(_Record):
+class SteeredJob(Record):
     """The result of steering one job of a batch."""
 
     job: str = Field(description="its id")

@@ -4,8 +4,6 @@ Redis has both sides as text, so that a lease compares strings: see
 ``plateau/farm/redis/lua/waiting.lua``.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -11,17 +11,13 @@ imports nothing but this module: it names by strings what an API needs to check 
 worker needs to render one. ``docs/renderers.md`` says what a new renderer needs.
 """
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 from plateau.extensions import offered
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: The entry point group of renderers.
 GROUP: Final = "plateau.renderers"

@@ -7,16 +7,13 @@ shot is looked at. Then either some frames are asked for more samples, or all of
 from datetime import datetime
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from plateau.farm.model.record import Record
 from plateau.farm.model.states import JobState
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class FrameWait(_Record):
+class FrameWait(Record):
     """An image with which a frame waits for a look at its shot, and what its own rule said."""
 
     spp: int
@@ -25,7 +22,7 @@ class FrameWait(_Record):
     numbers: dict[str, float | None]
 
 
-class FrameAnswer(_Record):
+class FrameAnswer(Record):
     """What a look at the shot said to one of its frames."""
 
     spp: int = Field(description="samples per pixel of the image that was looked at")
@@ -34,7 +31,7 @@ class FrameAnswer(_Record):
     words: str
 
 
-class FrameOfShot(_Record):
+class FrameOfShot(Record):
     """The place of a job in the shot that it is a frame of."""
 
     id: str = Field(description="the shot: the id of its first frame")
@@ -62,7 +59,7 @@ class FrameOfShot(_Record):
         return spp < (answer.spp if answer.needs_spp is None else answer.needs_spp)
 
 
-class ShotLook(_Record):
+class ShotLook(Record):
     """One judgement of a shot; frames and moments are in the order of the frames, from 0 on."""
 
     at: datetime
@@ -80,7 +77,7 @@ class ShotLook(_Record):
     flicker_sha256: str | None = Field(None, description="of the map of where noise is seen")
 
 
-class Shot(_Record):
+class Shot(Record):
     """The newest shot of a batch."""
 
     id: str = Field(description="the id of its first frame")
@@ -102,7 +99,7 @@ class Shot(_Record):
     worst_frame: int | None = Field(None, description="the frame that is seen most at that moment")
 
 
-class ShotFrame(_Record):
+class ShotFrame(Record):
     """A frame of a shot."""
 
     job: str = Field(description="its id")

@@ -2,16 +2,13 @@
 
 from datetime import datetime
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.record import Record
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class Machine(_Record):
+class Machine(Record):
     """The machine of a worker, which other processes may use too."""
 
     cores: int = Field(description="logical ones")
@@ -29,7 +26,7 @@ class Machine(_Record):
     )
 
 
-class Worker(_Record):
+class Worker(Record):
     """A worker as its last heartbeat described it."""
 
     id: str

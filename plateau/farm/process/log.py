@@ -11,7 +11,6 @@ import os
 import re
 import shutil
 import sys
-import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -19,17 +18,14 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Final, Literal
 
+from plateau.farm.process.letters import printable
+
 LogFormat = Literal["text", "json"]
 
 #: The fields of this process, the same in all its threads.
 _PROCESS: Final[dict[str, str]] = {}
 #: The fields of this thread's or task's subject: ``job`` and, if any, ``slice``.
 _CONCERN: Final[ContextVar[dict[str, str | int]]] = ContextVar("concern")
-
-#: Unicode's categories of control and format characters, surrogates and line ends.
-_INVISIBLE: Final = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-#: Format characters that join letters or keep them apart, as Persian and emoji need.
-_JOINERS: Final = "\u200c\u200d"
 
 #: A value that a line of text shows as it is; others are quoted.
 _WORD: Final = re.compile(r"[^\s='\"]+")
@@ -82,26 +78,6 @@ def concern(job: str, index: int | None = None) -> None:
 def concerns() -> dict[str, str | int]:
     """The fields of this thread's or task's subject."""
     return _CONCERN.get({})
-
-
-def is_visible(letter: str) -> bool:
-    """Whether people see the letter or its effect: no control, format character or line end."""
-    return letter in _JOINERS or unicodedata.category(letter) not in _INVISIBLE
-
-
-def printable(text: str) -> str:
-    """The text with its invisible letters escaped, except line ends.
-
-    A scene may contain them: a terminal would obey them (colours, titles, moves of the cursor).
-    """
-    return "".join(
-        letter if letter == "\n" or is_visible(letter) else ascii(letter)[1:-1] for letter in text
-    )
-
-
-def on_one_line(text: str) -> str:
-    """The printable text, its lines one after the other."""
-    return printable(" ".join(text.expandtabs(1).splitlines()))
 
 
 def _fields() -> dict[str, str | int]:

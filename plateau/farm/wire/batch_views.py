@@ -23,7 +23,6 @@ def _links(name: str) -> dict[str, str]:
 
 _NAME: Final = "exposures"
 _LINKS: Final = _links(_NAME)
-_OTHER_ID: Final = "9d01c2aa4be7"
 
 LINE: Final[dict[str, Any]] = {
     "name": _NAME,
@@ -35,7 +34,7 @@ LINE: Final[dict[str, Any]] = {
 BATCH: Final[dict[str, Any]] = {
     "name": _NAME,
     "jobs": 2,
-    "job_ids": [_OTHER_ID, examples.JOB_ID],
+    "job_ids": [examples.OTHER_ID, examples.JOB_ID],
     "states": {"converged": 1, "rendering": 1},
     "held": 0,
     "finished": 1,
@@ -54,7 +53,7 @@ STEERED: Final[dict[str, Any]] = {
     "name": _NAME,
     "done": 1,
     "jobs": [
-        {"job": _OTHER_ID, "done": False, "state": "converged", "why_not": "it has ended"},
+        {"job": examples.OTHER_ID, "done": False, "state": "converged", "why_not": "it has ended"},
         {"job": examples.JOB_ID, "done": True, "state": "cancelled", "why_not": None},
     ],
 }

@@ -57,15 +57,24 @@ class _Axis:
 
 def job_svg(job: Job, points: list[CurvePoint], *, style: str = "") -> str:
     """Draw the curve of a job; see `curve_svg`."""
-    return curve_svg(job.spec, (job.width or 0) * (job.height or 0), points, style=style)
+    pixels = (job.width or 0) * (job.height or 0)
+    return curve_svg(job.spec, pixels, points, continued_spp=job.continued_spp, style=style)
 
 
-def curve_svg(spec: JobSpec, pixels: int, points: list[CurvePoint], *, style: str = "") -> str:
+def curve_svg(
+    spec: JobSpec,
+    pixels: int,
+    points: list[CurvePoint],
+    *,
+    continued_spp: int = 0,
+    style: str = "",
+) -> str:
     """Draw the curve of an image of so many pixels; it has at least one point.
 
     Changed pixels are above, and the noise left below, on a logarithmic axis; then the values of a
-    rule that has its own, such as a quality. A line marks where each rule stopped or would have. A
-    page with the drawing has its style, and a file needs one inside.
+    rule that has its own, such as a quality. A line marks where each rule stopped or would have,
+    the job's own beyond the samples with which it began. A page with the drawing has its style, and
+    a file needs one inside.
     """
     spp = _Axis(0, points[-1].spp * 1.03, _LEFT, _WIDTH - _RIGHT)
     values = list(_values(spec, points, spp))
@@ -75,7 +84,7 @@ def curve_svg(spec: JobSpec, pixels: int, points: list[CurvePoint], *, style: st
         *_above(points, spp),
         *_below(target, points, spp),
         *values,
-        *_stops(spec, points, spp, bottom),
+        *_stops(spec, points, spp, bottom, continued_spp),
     ]
     inside = f"<style>{style}</style>" if style else ""
     return (
@@ -136,9 +145,13 @@ def _target(y: float, text: str) -> Iterable[str]:
     yield _text(_WIDTH - _RIGHT, y - 5, f"target {text}", "end", "target")
 
 
-def _stops(spec: JobSpec, points: list[CurvePoint], spp: _Axis, bottom: int) -> Iterable[str]:
+def _stops(
+    spec: JobSpec, points: list[CurvePoint], spp: _Axis, bottom: int, continued_spp: int
+) -> Iterable[str]:
     for number, rule in enumerate((spec.rule, *spec.watch)):
-        said = ((point.spp, point.rules.get(rule.name)) for point in points)
+        # Another target may have stopped the job that this one goes on with.
+        before = 0 if number else continued_spp
+        said = ((one.spp, one.rules.get(rule.name)) for one in points if one.spp > before)
         first = next((at for at, value in said if value is not None and value.stop), None)
         if first is None:
             continue
@@ -146,7 +159,8 @@ def _stops(spec: JobSpec, points: list[CurvePoint], spp: _Axis, bottom: int) -> 
         kind = "own stop" if own else "stop"
         yield f'<line class="{kind}" x1="{x}" x2="{x}" y1="{_ABOVE[0]}" y2="{bottom}"/>'
         text = f"{rule.name} {'stops' if own else 'would stop'}"
-        yield _text(x - 5, _ABOVE[0] + 14 + 15 * number, text, "end")
+        side, anchor = (-5, "end") if x > _WIDTH / 2 else (5, "start")
+        yield _text(x + side, _ABOVE[0] + 14 + 15 * number, text, anchor)
 
 
 def _frame(spp: _Axis, pixels: _Axis, title: str) -> Iterable[str]:

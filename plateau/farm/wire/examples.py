@@ -4,6 +4,7 @@ import hashlib
 from typing import Any, Final
 
 JOB_ID: Final = "3b52dbb3a017"
+OTHER_ID: Final = "9d01c2aa4be7"
 KEY_ID: Final = "c81e5a0f93d2"
 EVENT_ID: Final = "1795252332826-0"
 IDEMPOTENCY_KEY: Final = "sphere-at-noon"
@@ -140,7 +141,7 @@ WORKER: Final[dict[str, Any]] = {
     "failures": 1,
     "trouble": None,
     "drained": False,
-    "left_out_of": ["9d01c2aa4be7"],
+    "left_out_of": [OTHER_ID],
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
 }

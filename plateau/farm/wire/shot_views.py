@@ -8,8 +8,6 @@ from plateau.farm.model.shot import ShotByFrame
 from plateau.farm.wire import examples
 from plateau.farm.wire.batch_views import batch_path
 
-_OTHER_ID: Final = "9d01c2aa4be7"
-
 
 def shot_path(batch: str) -> str:
     """The path of the newest shot of the batch."""
@@ -22,7 +20,7 @@ def _links(batch: str) -> dict[str, str]:
 
 
 SHOT: Final[dict[str, Any]] = {
-    "id": _OTHER_ID,
+    "id": examples.OTHER_ID,
     "fps": 24,
     "target": 9.5,
     "frames": 2,
@@ -37,7 +35,13 @@ SHOT: Final[dict[str, Any]] = {
     "low_moment_jod": 9.14,
     "worst_frame": 1,
     "by_frame": [
-        {"job": _OTHER_ID, "state": "rendering", "spp": 800, "waits": True, "needs_spp": None},
+        {
+            "job": examples.OTHER_ID,
+            "state": "rendering",
+            "spp": 800,
+            "waits": True,
+            "needs_spp": None,
+        },
         {
             "job": examples.JOB_ID,
             "state": "rendering",

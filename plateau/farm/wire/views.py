@@ -9,7 +9,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, utc_now
 from plateau.farm.model.spec import Priority
 from plateau.farm.model.states import JobState
 from plateau.farm.model.worker import Worker
-from plateau.farm.process.log import on_one_line
+from plateau.farm.process.letters import on_one_line
 from plateau.farm.wire import examples
 from plateau.farm.wire.figures import roughly
 from plateau.farm.wire.json_numbers import WithWholeNumbers

@@ -4,8 +4,6 @@ Both are minimax polynomials without calls, branches or tables. The exponent bit
 to the polynomial's range. Tests check the stated errors.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

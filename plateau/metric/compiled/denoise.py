@@ -1,18 +1,12 @@
 """Compiled `plateau.metric.denoise`: the same bits with fewer passes over memory."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from plateau.metric.compiled.jit import entry_point, kernel
 from plateau.metric.denoise import BANDS, CAUTION, LEAST_ENERGY, planar
+from plateau.metric.display import Image, Plane
 from plateau.metric.pyramid import KERNEL
 from plateau.metric.rows import by_rows
-
-if TYPE_CHECKING:
-    from plateau.metric.display import Image, Plane
 
 _CENTRE, _NEAR, _FAR = (np.float32(tap) for tap in KERNEL)
 _CAUTION, _LEAST_ENERGY = np.float32(CAUTION), np.float32(LEAST_ENERGY)

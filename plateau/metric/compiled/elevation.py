@@ -6,12 +6,11 @@ difference is visible where s·ΣC > ΣC W m. The masking m is at least 1, so s�
 pixels without m.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.arithmetic import exp2, log2
 from plateau.metric.compiled.jit import inlined
@@ -27,12 +26,8 @@ from plateau.metric.csf import (
     MASKING_SCALE,
     RISE,
 )
+from plateau.metric.display import Plane
 from plateau.metric.vdp import BANDS, ELEVATION_MAX, ELEVATION_MIN, FLOOR, VisibleDifferences
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Plane
 
 _f = np.float32
 _ONE = _f(1)

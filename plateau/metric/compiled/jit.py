@@ -6,16 +6,12 @@ same bits on every machine, whatever its vector width. Results of numpy's powers
 last bit between kinds of CPU: the six weights of the bands, and the image if the view has a gamma.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import numba
 
 from plateau.metric.kernel_cache import cache_folder
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 _Kernel = TypeVar("_Kernel", bound="Callable[..., Any]")
 

@@ -5,20 +5,15 @@ by row n - 2i of level i, and the kernels hold rings of a few rows, which stay i
 kept percept has rings as high as the image, which hold all of it.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.jit import inlined, kernel
 from plateau.metric.compiled.light import KernelView, blacken, luminance, opponent, response, show
+from plateau.metric.display import Mask, Plane
 from plateau.metric.pyramid import KERNEL, LEVELS, REACH
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Mask, Plane
 
 #: Rows after which a row is done on every level.
 DELAY = REACH * (LEVELS - 1)

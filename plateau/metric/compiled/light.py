@@ -1,11 +1,10 @@
 """Radiance to luminance and colour: `plateau.metric.display` for a few pixels at a time."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.arithmetic import bits_of, exp2, log2
 from plateau.metric.compiled.jit import inlined
@@ -17,13 +16,9 @@ from plateau.metric.display import (
     LAB_OFFSET,
     LAB_SCALE,
     RGB_TO_XYZ,
+    Plane,
     View,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Plane
 
 _f = np.float32
 _ZERO, _ONE, _THIRD = _f(0), _f(1), _f(1 / 3)

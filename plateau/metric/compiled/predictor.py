@@ -1,23 +1,17 @@
 """`VisibleDifferences` on compiled kernels."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.denoise import denoised
 from plateau.metric.compiled.elevation import eye
 from plateau.metric.compiled.light import screen
 from plateau.metric.compiled.percept import CompiledPercept
 from plateau.metric.compiled.sweep import sweep
-from plateau.metric.display import as_image
+from plateau.metric.display import Image, Mask, View, as_image
 from plateau.metric.vdp import Difference, Percept, VisibleDifferences
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Image, Mask, View
 
 #: A percept is kept after this many comparisons, when its repeated preparation has cost about as
 #: much as keeping it. So a reference is soon kept, and an image that is compared once or twice

@@ -1,9 +1,6 @@
 """The difference of two pixels in units of the smallest visible difference."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +17,8 @@ from plateau.metric.csf import (
     ROD_LINE,
     ROD_LINE_FROM,
 )
+from plateau.metric.display import Plane
 from plateau.metric.vdp import COLOUR_LUMINANCE, FLOOR
-
-if TYPE_CHECKING:
-    from plateau.metric.display import Plane
 
 _f = np.float32
 _ZERO, _HALF = _f(0), _f(0.5)

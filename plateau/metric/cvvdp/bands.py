@@ -7,12 +7,10 @@ m = k blur(min(|C'test|, |C'reference|)), of every channel: D = Δ^p / (1 + Σ w
 D / (1 + D / Dmax).
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.arithmetic import exp2, log2
 from plateau.metric.compiled.jit import entry_point, inlined, kernel
@@ -32,11 +30,7 @@ from plateau.metric.cvvdp.parameters import (
 )
 from plateau.metric.cvvdp.pyramid import expand_row
 from plateau.metric.cvvdp.sensitivity import log_luminances
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Plane
+from plateau.metric.display import Plane
 
 _f = np.float32
 _ZERO, _ONE = _f(0), _f(1)

@@ -1,21 +1,16 @@
 """The display on which two images are compared: how bright, how dark, and how far away."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.bounds import bounded, require_bounds
 from plateau.metric.cvvdp.parameters import LMS_TO_DKL, XYZ_TO_LMS
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
 
 #: What pixels are: code values in [0, 1], or linear light of which 1 is the peak.
 Transfer = Literal["srgb", "relative"]

@@ -5,8 +5,6 @@ Channels are in the order sustained achromatic, RG, YV, transient achromatic; st
 Names follow the paper's quantities; values are the authors' (see the package's docstring).
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,10 +1,7 @@
 """From the differences in each channel and band to one number in JOD."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from plateau.metric.cvvdp.parameters import (
     BAND_EXPONENT,
@@ -21,10 +18,7 @@ from plateau.metric.cvvdp.parameters import (
     STILL_WEIGHT,
 )
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def raised(x: ArrayLike, exponent: float) -> Array:

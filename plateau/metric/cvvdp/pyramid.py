@@ -3,11 +3,8 @@
 A level is (channels, H, W); the next has ⌈H/2⌉ by ⌈W/2⌉ pixels.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.compiled.jit import entry_point, kernel
 from plateau.metric.cvvdp.parameters import (
@@ -16,12 +13,8 @@ from plateau.metric.cvvdp.parameters import (
     KERNEL,
     LEAST_FREQUENCY,
 )
+from plateau.metric.display import Plane
 from plateau.metric.rows import by_rows
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from plateau.metric.display import Plane
 
 _FAR, _NEAR, _CENTRE = (np.float32(tap) for tap in KERNEL[:3])
 _TWICE_FAR, _TWICE_NEAR, _TWICE_CENTRE = (np.float32(2 * tap) for tap in KERNEL[:3])

@@ -5,19 +5,14 @@ fixed size at 32 luminances and 32 frequencies, rounded to seven digits. The pat
 flickers at 5 Hz for the transient channel.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plateau.metric.cvvdp.parameters import CHANNELS, SENSITIVITY_DB
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 @cache

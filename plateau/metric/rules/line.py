@@ -1,11 +1,6 @@
 """The least-squares line through the last points of a curve."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
 
 def least_squares_slope(points: Sequence[tuple[float, float]]) -> float:

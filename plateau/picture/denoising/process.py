@@ -1,11 +1,11 @@
 """The monitor's side of the process that denoises, one image after the other."""
 
-import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
 from plateau.farm.process.child import write_part
 from plateau.farm.process.helper import HelperProcess
+from plateau.farm.process.memory import memory_bytes
 from plateau.picture.denoised import Denoised, DenoisingTask, packed, unpacked
 from plateau.picture.denoising import child
 
@@ -17,11 +17,6 @@ _START_S: Final = 60.0
 _MEMORY: Final = (7e7, 570.0)
 #: Those of the network for each pixel, and where it begins to denoise in tiles.
 _NETWORK: Final = (610.0, 2e9)
-
-
-def memory_bytes() -> int:
-    """Return how much memory this machine has."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 class TooLarge(Exception):
@@ -55,7 +50,7 @@ class Denoising:
         if needed > here:
             raise TooLarge(
                 f"{width}×{height} pixels take {needed / 1e9:.1f} GB of memory to denoise, and the "
-                f"monitor's machine has {here / 1e9:.1f} GB"
+                f"monitor has {here / 1e9:.1f} GB"
             )
         future = self._thread.submit(self._run, task)
         self._jobs[future] = job_id

@@ -17,8 +17,8 @@ figure{margin:0}img{max-width:100%}figcaption{overflow-wrap:anywhere}
 """
 
 
-def write_sheet(folder: Path, lines: Iterable[Mapping[str, Any]], layout: str) -> Path:
-    """Write the page into the folder of a data set; returns its path.
+def write_sheet(folder: Path, lines: Iterable[Mapping[str, Any]], layout: str) -> None:
+    """Write the page into the folder of a data set.
 
     Parameters
     ----------
@@ -34,10 +34,8 @@ def write_sheet(folder: Path, lines: Iterable[Mapping[str, Any]], layout: str) -
         f'<!doctype html><meta charset="utf-8"><title>{escape(folder.name)}</title>'
         f"<style>{_STYLE}</style><h1>{escape(folder.name)}</h1><main>{''.join(figures)}</main>\n"
     )
-    path = folder / NAME
-    with whole(path) as unfinished:
+    with whole(folder / NAME) as unfinished:
         unfinished.write_text(text, encoding="utf-8")
-    return path
 
 
 def _figure(folder: Path, line: Mapping[str, Any], layout: str) -> str:

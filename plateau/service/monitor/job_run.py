@@ -82,7 +82,13 @@ class JobRun:
             judged=recovered,
             saved=recovered,
             saved_at_s=time.monotonic(),
+            shown_spp=job.image_spp or 0,
         ).with_wait()
+
+    @property
+    def has_sums(self) -> bool:
+        """Whether it holds the sums of slices."""
+        return self._known.merged > 0
 
     @property
     def waits_for_shot(self) -> bool:

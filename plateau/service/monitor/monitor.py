@@ -29,6 +29,7 @@ from plateau.farm.process import log
 from plateau.farm.process.child import HANGS
 from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
+from plateau.farm.process.memory import memory_bytes, memory_left
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
@@ -50,6 +51,8 @@ _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _MOST_LACKS: Final = 60  #: turns without memory or a process, in a row: some ten minutes
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
+_PIXEL: Final = 280  #: bytes for each pixel of the job whose turn it is
+_PIXEL_OF_SUMS: Final = 120  #: and those of its sums, which it holds between its turns
 
 
 class Monitor:
@@ -213,9 +216,10 @@ class Monitor:
         """Advance one job, or give it up; returns whether it is finished."""
         try:
             job, run = self._jobs.get(owned.job_id), self._runs.get(owned.job_id)
+            if run is None and self._is_waiting(job):
+                return False
+            _check_memory(job, has_sums=run is not None and run.has_sums)
             if run is None:
-                if self._is_waiting(job):
-                    return False
                 run = JobRun(owned, job, *self._of_runs, keeps_sums=self._keeps_sums)
                 self._runs[owned.job_id] = run
             done = run.advance(job, crew)
@@ -280,7 +284,7 @@ class Monitor:
     def _disown(self) -> None:
         try:
             self._owners.disown(tuple(self._owned.values()))
-            self._life.sign_off()
+            self._life.heartbeat(None)
         except StoreUnavailable as error:
             _LOG.warning("%s", error)
 
@@ -295,3 +299,15 @@ def run(settings: Settings, stop: Stop) -> None:
     telling = telling_troubles(settings, store, read_targets(settings))
     with sweeping(settings, store), notifying(settings, store), telling:
         monitor.run(stop)
+
+
+def _check_memory(job: Job, *, has_sums: bool) -> None:
+    """Raise `MemoryError` where the kernel would end this process for the job's film."""
+    if job.width is None or job.height is None or not job.committed_spp:
+        return
+    needed = (_PIXEL - _PIXEL_OF_SUMS * has_sums) * job.width * job.height
+    if needed > (left := memory_left()):
+        raise MemoryError(
+            f"{job.width}×{job.height} pixels take {needed / 1e9:.1f} GB, and this monitor, which "
+            f"may have {memory_bytes() / 1e9:.1f} GB, has {max(left, 0) / 1e9:.1f} GB left"
+        )

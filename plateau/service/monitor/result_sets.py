@@ -3,6 +3,7 @@
 import hashlib
 import logging
 from dataclasses import replace
+from functools import partial
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
@@ -34,9 +35,7 @@ class ResultSets:
         self._owners = owners
         self._blobs = store
         self._spec = spec
-        self._previews = Previews(
-            store, owned.job_id, note=lambda blob, sha256: owners.note_blob(owned, blob, sha256)
-        )
+        self._previews = Previews(store, owned.job_id, note=partial(owners.note_blob, owned))
         self._shown: str | None = None
 
     def show_glimpse(self, job: Job, judge: Judge) -> int | None:

@@ -47,9 +47,10 @@ function open({ focus }) {
   leaving.abort();
   leaving = new AbortController();
   complain("");
+  // Questions of the screen that is left; the one for the key is everybody's.
+  for (const dialog of document.querySelectorAll("dialog")) if (!dialog.querySelector("#key")) dialog.close();
   main.replaceChildren();
   const [path, name, screen] = SCREENS.find(([path]) => path.test(location.pathname)) ?? [/^/, "nowhere", NOWHERE];
-  main.dataset.screen = name;
   for (const link of document.querySelectorAll("a[data-screen]")) {
     setAttribute(link, "aria-current", link.getAttribute("data-screen") === name ? "page" : null);
   }
@@ -66,7 +67,9 @@ function open({ focus }) {
  * @param {string} path
  */
 function go(path) {
-  history.pushState(null, "", path);
+  // Where one was, for when one comes back; the same address again is no step of its own.
+  history.replaceState({ ...history.state, top: scrollY, focus: document.activeElement?.getAttribute("href") }, "");
+  history[path === location.pathname + location.search ? "replaceState" : "pushState"](null, "", path);
   open({ focus: true });
 }
 
@@ -93,7 +96,7 @@ forget.addEventListener("click", () => {
 
 async function meet() {
   forget.hidden = !hasKey();
-  await meetMe();
+  if (!(await meetMe())) setTimeout(meet, 5000);
   byId("submit").hidden = !maySubmit();
 }
 

@@ -1,15 +1,11 @@
 """A small image that is known: what a renderer has to make on every machine."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 #: How far the mean of a block may be from the truth: several times the noise of 64 spp.
 _TOLERANCE: Final = 0.05

@@ -1,7 +1,5 @@
 """Finds the LLVM shared libraries of this machine, the newest first."""
 
-from __future__ import annotations
-
 import glob
 import os
 import re

@@ -8,6 +8,8 @@ from typing import Final, Protocol
 
 import psutil
 
+from plateau.farm.process.memory import memory_bytes
+
 #: The sensors of processors, by the names that Linux and FreeBSD have for them.
 _OF_PROCESSORS: Final = ("coretemp", "k10temp", "zenpower", "cpu_thermal", "cpu-thermal")
 
@@ -27,8 +29,8 @@ def hottest(sensors: Mapping[str, Iterable[Reading]]) -> float | None:
 
 
 def memory_for_children() -> float:
-    """Bytes of this machine's memory for the render children of its workers, without a limit."""
-    return 0.8 * psutil.virtual_memory().total
+    """Bytes of memory for the render children of this machine's workers, without a limit."""
+    return 0.8 * memory_bytes()
 
 
 class MachineUse:

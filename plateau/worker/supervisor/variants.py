@@ -7,8 +7,6 @@ LLVM from the newest down, then ``scalar_rgb``, which needs no library. The vari
 renderers are tried as well, where their package is here, and the driver that they need.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -100,8 +100,7 @@ class Node:
 
     def get(self, *arguments: str) -> dict[str, Any]:
         """An object, or a list of them."""
-        found: dict[str, Any] = json.loads(self.kubectl("get", *arguments, "--output=json"))
-        return found
+        return json.loads(self.kubectl("get", *arguments, "--output=json"))
 
     def apply(self, *objects: dict[str, Any]) -> None:
         """Make the objects what they are said to be."""

@@ -224,8 +224,7 @@ def mitsubas(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[list[in
         check=True,
         cwd=tmp_path_factory.mktemp("elsewhere"),
     )
-    seen: dict[str, list[list[int]] | None] = json.loads(process.stdout.splitlines()[-1])
-    return seen
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -12,7 +12,7 @@ from plateau.farm.bundle import BundleError, BundleLimits, inspect_bundle
 from plateau.farm.bundle.hashes import FileHashes
 from plateau.farm.bundle.placed import LIST_NAME, path_for, with_names, with_paths
 from plateau.farm.bundle.placing import find_placed, write_placed
-from plateau.farm.model.scene_roots import SceneRoot, named_path, read_roots
+from plateau.farm.model.scene_roots import named_path, read_roots
 from tests.support.scenes.bundles import PLY, include, mesh, scene, zipped
 
 LIMITS = BundleLimits()
@@ -43,12 +43,9 @@ def studio(tmp_path: Path) -> Path:
     return tmp_path / "studio"
 
 
-def roots_of(studio: Path) -> tuple[SceneRoot, ...]:
-    return read_roots(f"assets={studio}/assets|Z:/assets|/Volumes/assets, plates={studio}/plates")
-
-
 def bundle(studio: Path, name: str, *values: dict[str, str], table: str = "hashes") -> io.BytesIO:
-    roots, target = roots_of(studio), io.BytesIO()
+    named = f"assets={studio}/assets|Z:/assets|/Volumes/assets, plates={studio}/plates"
+    roots, target = read_roots(named), io.BytesIO()
     found = find_placed(name, roots, values or [{}], LIMITS)
     write_placed(found, roots, FileHashes(studio / table), target)
     target.seek(0)

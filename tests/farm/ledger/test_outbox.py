@@ -27,20 +27,18 @@ def outbox(client: redis.Redis) -> Outbox:
     return Outbox(client)
 
 
-def done(
-    client: redis.Redis, state: JobState = JobState.CONVERGED, url: str | None = URL, **more: Any
-) -> StagedJob:
+def done(client: redis.Redis, url: str | None = URL, **more: Any) -> StagedJob:
     """A job that is done, whose notice goes there."""
     job = StagedJob(client, notice={"url": url, "secret": SECRET, **more})
     job.commit(2)
     job.point(50, visible=3)
-    job.end(state, "for a reason")
+    job.end(JobState.CONVERGED, "for a reason")
     job.finish()
     return job
 
 
-def taken(outbox: Outbox, busy: tuple[str, ...] = ()) -> Taken:
-    found = outbox.take(LEASE_S, busy)
+def taken(outbox: Outbox) -> Taken:
+    found = outbox.take(LEASE_S)
     assert found is not None
     return found
 

@@ -230,7 +230,7 @@ def test_a_monitor_counts_until_it_signs_off_or_falls_silent(farm: Farm) -> None
     MonitorLife(farm.client, "m-3", lease_s=0.2).heartbeat(jobs=5)
     until(lambda: take_census(farm.client).monitors == 2)
     assert take_census(farm.client).jobs_owned == 4
-    one.sign_off()
+    one.heartbeat(None)
     assert take_census(farm.client).jobs_owned == 1
 
 

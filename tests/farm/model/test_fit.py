@@ -15,7 +15,7 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
-from tests.support.farms.ledger_farm import LedgerFarm, lease
+from tests.support.farms.ledger_farm import LedgerFarm, lease, live_on
 from tests.support.farms.ledger_farm import about as described
 
 LLVM = ("llvm_ad_rgb", "scalar_rgb")
@@ -119,6 +119,7 @@ class TestLeftOut:
         farm.relents("west")
         assert {one.left_out_of for one in Workers(farm.client).living()} == {()}
         # One that says nonsense hides no other
+        live_on(farm.client, "west")
         farm.client.hset(keys.worker("east"), "about", "{}")
         assert [one.id for one in Workers(farm.client).living()] == ["west"]
 

@@ -33,6 +33,30 @@ def test_any_curve_can_be_drawn(visible: int, estimate: float | None) -> None:
     assert "nan" not in drawing
 
 
+def test_a_job_is_not_said_to_stop_where_the_one_before_it_did() -> None:
+    points = [
+        CurvePoint(
+            spp=spp,
+            visible_pixels=100,
+            visible_fraction=0.1,
+            slope=None,
+            estimate_pixels=None,
+            estimate_fraction=None,
+            rules={"jod": WatchedValue(value=9.0, stop=True)},
+            at=datetime.now(timezone.utc),
+        )
+        for spp in (100, 200)
+    ]
+    first, second = (
+        re.findall('<line class="own stop" x1="([0-9.]+)"', drawing)
+        for drawing in (
+            curve_svg(JobSpec(), 768, points),
+            curve_svg(JobSpec(), 768, points, continued_spp=100),
+        )
+    )
+    assert float(first[0]) < float(second[0])
+
+
 def test_the_values_of_a_rule_with_its_own_have_a_plot() -> None:
     points = [
         CurvePoint(

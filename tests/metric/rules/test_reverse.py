@@ -24,16 +24,12 @@ def image_with(visible_pixels, side=SIDE):
     return image.reshape(side, side, 3)
 
 
-def told(rule, curve, *, step=100, start=0, side=SIDE):
+def told(rule, curve, side=SIDE):
     """Judge one image for each count of the curve; the first is the reference."""
     return [
-        rule.judge(Evidence((start + i + 1) * step, image_with(count, side), None, METRIC))
+        rule.judge(Evidence((i + 1) * 100, image_with(count, side), None, METRIC))
         for i, count in enumerate(curve)
     ]
-
-
-def stop_index(verdicts):
-    return next((i for i, verdict in enumerate(verdicts) if verdict.stop), None)
 
 
 class TestTheCurve:
@@ -60,7 +56,7 @@ def test_epsilon_scales_with_the_pixel_count(side):
     counts = [share * side**2 // 256 for share in shares]
     verdicts = told(Reverse(epsilon=5.0), counts, side=side)
     assert verdicts[0].numbers["epsilon"] == 5.0 * side**2 / 512**2
-    assert stop_index(verdicts) == 9
+    assert next((i for i, verdict in enumerate(verdicts) if verdict.stop), None) == 9
 
 
 class TestReasons:

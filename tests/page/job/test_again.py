@@ -25,8 +25,7 @@ PARAMETERS = {"width": "64", "height": "48"}
 
 def posted(url: str, scene: str = SCENE_XML, **spec: object) -> dict[str, Any]:
     files = {"scene": ("box.xml", scene), "spec": ("spec.json", json.dumps(spec))}
-    job: dict[str, Any] = httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
-    return job
+    return httpx.post(f"{url}/v1/jobs", files=files, timeout=60).json()
 
 
 def ended(farm: NoiseFarm, url: str, **spec: Any) -> dict[str, Any]:
@@ -180,14 +179,14 @@ def test_a_notice_that_is_not_delivered_is_said(visit: Visit, client: redis.Redi
     )
 
 
-A_JOB = re.compile("/jobs/[0-9a-f]{12}$")
 KILLED = "the render process was ended by SIGKILL while rendering a pass"
 
 
-@pytest.fixture
-def poisoned(farm: NoiseFarm, url: str) -> str:
-    """A job on whose first slice the renderers of two workers died."""
-    job_id: str = posted(url, name="kitchen", max_spp=400, seed=7)["id"]
+def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
+    visit: Visit, farm: NoiseFarm, url: str
+) -> None:
+    # Given a job on whose first slice the renderers of two workers died
+    poisoned = posted(url, name="kitchen", max_spp=400, seed=7)["id"]
     queues = [SliceQueue(farm.jobs._redis, name, 60) for name in ("west", "east", "west")]
     with farm.monitor():
         farm.queue = queues[0]
@@ -195,13 +194,7 @@ def poisoned(farm: NoiseFarm, url: str) -> str:
             farm.queue = queue
             lease = farm.next_lease()
             queue.died(lease, KILLED, 0.2, f"out of memory, try {number}")
-    assert farm.jobs.get(job_id).state is JobState.FAILED
-    return job_id
-
-
-def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
-    visit: Visit, farm: NoiseFarm, poisoned: str
-) -> None:
+    assert farm.jobs.get(poisoned).state is JobState.FAILED
     page = visit(f"/jobs/{poisoned}", expected={404}).page
     reason = page.locator(".reason")
     expect(reason).to_contain_text(
@@ -212,7 +205,7 @@ def test_what_workers_died_of_is_said_with_their_log_and_it_is_rendered_again(
     page.get_by_role("link", name="Again…").click()
     expect(page.locator(".found")).to_contain_text("pixels")
     page.get_by_role("button", name="Render it").click()
-    expect(page).to_have_url(A_JOB)
+    expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     expect(page.get_by_role("heading", name="kitchen")).to_be_visible()
     old, new = farm.jobs.get(poisoned), farm.jobs.get(page.url.rpartition("/")[2])
     assert (new.state, new.spec, new.scene_sha256) == (JobState.QUEUED, old.spec, old.scene_sha256)

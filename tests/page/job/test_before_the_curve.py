@@ -60,6 +60,19 @@ def test_a_job_that_ended_without_an_image_says_so(visit: Visit, farm: NoiseFarm
         page.reload()
 
 
+def test_a_job_without_pictures_says_so(visit: Visit, farm: NoiseFarm, job: Job) -> None:
+    cancelled(farm, job)
+    bare = farm.submit("box", **SPEC, pictures=False)
+    page = visit(f"/jobs/{bare.id}").page
+    said = "The job makes no pictures; at its end, image.exr has its image."
+    expect(page.locator(".nothing-yet")).to_have_text(said)
+    farm.render(2)
+    cancelled(farm, bare)
+    files_are(page, "EXR", "Zip")
+    expect(page.locator(".nothing-yet")).to_have_text(said)
+    expect(page.get_by_role("button", name="Compare")).to_be_hidden()
+
+
 class TestDifference:
     @pytest.fixture
     def lease(self, farm: NoiseFarm, job: Job) -> Lease:

@@ -139,10 +139,7 @@ def test_the_curve_is_read_by_keyboard_and_mouse_on_any_axis(
     shown.mouse.move(0, 0)
 
     def drawn() -> list[str]:
-        found: list[str] = shown.locator(".plot canvas").evaluate_all(
-            "all => all.map(one => one.toDataURL())"
-        )
-        return found
+        return shown.locator(".plot canvas").evaluate_all("all => all.map(one => one.toDataURL())")
 
     before = drawn()
     assert len(before) == 2

@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.page.conftest import Visit
@@ -13,18 +12,14 @@ def names(page: Page) -> Locator:
     return page.locator(".job .name")
 
 
-@pytest.fixture
-def jobs(farm: NoiseFarm) -> dict[str, str]:
-    """The ids of three jobs by their scenes, the oldest first."""
+def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, farm: NoiseFarm) -> None:
+    # Given three jobs, whose ids are known by their scenes, the oldest first
     made = {
         "frame-10": {"priority": 5, "batch": "dusk"},
         "frame-9": {"priority": 9},
         "lamp": {"requires": ["big-memory"]},
     }
-    return {scene: farm.submit(scene, **spec).id for scene, spec in made.items()}
-
-
-def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[str, str]) -> None:
+    jobs = {scene: farm.submit(scene, **spec).id for scene, spec in made.items()}
     page = visit().page
     expect(names(page)).to_have_text(["lamp", "frame-9", "frame-10"])
     search = page.get_by_role("searchbox", name="Search the jobs")
@@ -53,6 +48,16 @@ def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[s
     page.reload()
     expect(page.get_by_role("combobox", name="State")).to_have_value("cancelled")
     page.get_by_role("combobox", name="State").select_option("")
-    page.get_by_role("combobox", name="Batch").select_option("dusk")
+    batch = page.get_by_role("combobox", name="Batch")
+    batch.focus()
+    batch.select_option("dusk")
     expect(page).to_have_url(re.compile(r"\?batch=dusk$"))
     expect(names(page)).to_have_text(["frame-10"])
+    expect(batch).to_be_focused()
+    # One comes back to the filter before, and from a job to where one was
+    page.go_back()
+    expect(names(page)).to_have_count(3)
+    page.get_by_role("link", name="frame-9").click()
+    expect(page.get_by_role("heading", name="frame-9")).to_be_visible()
+    page.go_back()
+    expect(page.get_by_role("link", name="frame-9")).to_be_focused()

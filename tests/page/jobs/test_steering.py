@@ -4,6 +4,7 @@ import re
 
 from playwright.sync_api import Page, expect
 
+from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.farms.noise_farm import NoiseFarm
 
@@ -53,6 +54,21 @@ def test_none_goes_that_was_not_asked_about(visit: Visit, farm: NoiseFarm) -> No
     names(page, "waits")
 
 
+def test_all_go_that_were_asked_about(visit: Visit, farm: NoiseFarm) -> None:
+    jobs = [farm.submit(name) for name in ("one", "two")]
+    page = visit("/?state=queued").page
+    for name in ("one", "two"):
+        page.get_by_role("checkbox", name=f"Select {name}").check()
+    page.get_by_role("button", name="Cancel…").click()
+    # When one leaves the list before the answer
+    with farm.monitor():
+        assert farm.next_lease().job_id == jobs[0].id
+    names(page, "two")
+    page.get_by_role("button", name="Cancel 2 jobs").click()
+    names(page)
+    assert {farm.jobs.get(job.id).state for job in jobs} == {JobState.CANCELLED}
+
+
 def test_the_screen_of_a_job_steers_deletes_and_restores_it(visit: Visit, farm: NoiseFarm) -> None:
     job = farm.submit("box")
     with farm.monitor():
@@ -71,7 +87,14 @@ def test_the_screen_of_a_job_steers_deletes_and_restores_it(visit: Visit, farm: 
     page.keyboard.press("Enter")
     expect(page.get_by_role("status").filter(has_text="box is given priority 7")).to_have_count(1)
     assert farm.jobs.get(job.id).spec.priority == 7
-    # What cannot be taken back is asked for twice
+    # What cannot be taken back is asked for twice, and not on another screen
+    page.get_by_role("link", name="Workers").click()
+    page.go_back()
+    actions.get_by_role("button", name="Cancel…").click()
+    page.go_forward()
+    expect(page.get_by_role("heading", name="Workers")).to_be_visible()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.go_back()
     actions.get_by_role("button", name="Cancel…").click()
     page.keyboard.press("Escape")
     expect(page.get_by_role("dialog")).to_have_count(0)

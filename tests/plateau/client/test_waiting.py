@@ -91,7 +91,7 @@ def test_a_wait_ends_in_time_though_the_service_says_nothing(
 
 
 def test_a_wait_ends_in_time_though_much_is_going_on(plateau: Client, client: redis.Redis) -> None:
-    job, heard, timeout_s = StagedJob(client), list[int](), 1.25
+    job, heard, timeout_s = StagedJob(client, max_spp=1_000_000), list[int](), 1.25
 
     def hear(event: object) -> None:
         heard.extend([event.index] if isinstance(event, SliceEvent) else [])

@@ -20,6 +20,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.rules import rules
 from tests.support.farms.staged_job import StagedJob
+from tests.support.path_programs import put_on_path
 
 Run = Callable[..., list[str]]
 Offers = Callable[..., list[str]]
@@ -118,11 +119,11 @@ def test_silence_is_all_that_a_service_that_is_away_costs(offers: Offers) -> Non
     assert offers("show", "", PLATEAU_URL="not a url") == []
 
 
-def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
+def test_bash_itself_completes_by_the_script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Given a bash that has loaded the script, and a `plateau` on its path
-    command = tmp_path / "plateau"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m plateau "$@"\n')
-    command.chmod(0o755)
+    put_on_path(tmp_path / "plateau", f'exec "{sys.executable}" -m plateau "$@"', monkeypatch)
     program = """
         eval "$(_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION=1 plateau --show-completion bash)"
         COMP_WORDS=(plateau list --state q) COMP_CWORD=3
@@ -131,11 +132,7 @@ def test_bash_itself_completes_by_the_script(tmp_path: Path) -> None:
     """
     done = subprocess.run(
         ["bash", "--norc", "-c", program],
-        env={
-            **os.environ,
-            "PATH": f"{tmp_path}:{os.environ['PATH']}",
-            "PYTHONPATH": str(Path(__file__).parents[3]),
-        },
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
         capture_output=True,
         text=True,
         check=True,

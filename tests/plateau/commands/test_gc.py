@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 import redis
-from typer.testing import CliRunner
 
-from plateau.commands import app
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
@@ -18,7 +16,7 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.sweep import is_due
 from tests.support.farms.staged_job import StagedJob
-from tests.support.processes.commands import Command
+from tests.support.processes.commands import Command, plateau
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 
@@ -38,16 +36,12 @@ def fill(client: redis.Redis, store: Blobs) -> StagedJob:
     return job
 
 
-class Gc:
-    """Runs ``plateau gc`` in this process and takes what it says."""
-
-    def __init__(self, folder: Path, **environment: str) -> None:
-        self._environment = {"PLATEAU_DATA": str(folder / "data"), **environment}
-
-    def __call__(self, *arguments: str, code: int = 0) -> str:
-        done = CliRunner().invoke(app, ["gc", *arguments], env=self._environment)
-        assert done.exit_code == code, done.output
-        return done.stdout + done.stderr
+def gc(folder: Path, *arguments: str, code: int = 0, **environment: str) -> str:
+    """Run ``plateau gc`` in this process; returns what it says."""
+    environment = {"PLATEAU_DATA": str(folder / "data"), **environment}
+    found, out, err = plateau("gc", *arguments, **environment)
+    assert found == code, out + err
+    return out + err
 
 
 @pytest.fixture
@@ -74,7 +68,7 @@ def kept(data: Path) -> tuple[int, int]:
 
 @pytest.mark.usefixtures("data")
 def test_without_a_limit_orphans_go_and_it_says_how_to_set_one(tmp_path: Path, data: Path) -> None:
-    said = Gc(tmp_path)()
+    said = gc(tmp_path)
     assert said.splitlines() == [
         f"Removed 1 blob, 500 bytes, from {data / 'blobs'}:",
         "  jobs           –  kept for ever: --results-older-than DAYS sets a limit",
@@ -87,12 +81,11 @@ def test_without_a_limit_orphans_go_and_it_says_how_to_set_one(tmp_path: Path, d
 
 
 def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> None:
-    gc = Gc(tmp_path)
-    would = gc("--results-older-than", "0", "--dry-run")
+    would = gc(tmp_path, "--results-older-than", "0", "--dry-run")
     assert would.startswith("Would remove 4 blobs, 3.5 kB, from ")
     assert "jobs           1  finished more than 0 days ago" in would
     assert kept(data) == (2, 5)
-    did = json.loads(gc("--results-older-than", "0", "--json"))
+    did = json.loads(gc(tmp_path, "--results-older-than", "0", "--json"))
     expected = {"jobs": 1, "deleted": 0, "sums": 0, "scenes": 0, "orphans": 0}
     assert did == {"dry_run": False, **expected, "blobs": 4, "freed_bytes": 3500}
     # What is not finished is as it was
@@ -100,7 +93,7 @@ def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> No
 
 
 def test_the_settings_set_the_limits_too(tmp_path: Path, data: Path) -> None:
-    said = Gc(tmp_path, PLATEAU_KEEP_RESULTS_DAYS="0")()
+    said = gc(tmp_path, PLATEAU_KEEP_RESULTS_DAYS="0")
     assert "jobs           1  finished more than 0 days ago" in said
     assert "scenes         0  of no job, last used more than 0 days ago" in said
     assert kept(data) == (1, 1)
@@ -109,9 +102,10 @@ def test_the_settings_set_the_limits_too(tmp_path: Path, data: Path) -> None:
 def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
     with Command("up", "--workers", "0", "--port", "0", folder=tmp_path) as up:
         up.wait_for(READY)
-        gc = Command("gc", "--results-older-than", "0", folder=tmp_path)  # as a real command, once
-        assert gc.exit_code() == 0, gc.said
-        assert "Removed 4 blobs" in gc.said
+        # As a real command, once
+        real = Command("gc", "--results-older-than", "0", folder=tmp_path)
+        assert real.exit_code() == 0, real.said
+        assert "Removed 4 blobs" in real.said
         with connect(up.wait_for(r"PLATEAU_REDIS_URL=(\S+)"), 120.0) as client:
             jobs = Jobs(client).search()[0]
             assert len(jobs) == 1
@@ -124,25 +118,25 @@ def test_it_works_on_a_farm_of_many_machines(
 ) -> None:
     fill(client, store)
     farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": store.where}
-    assert "Removed 4 blobs" in Gc(tmp_path, **farm)("--results-older-than", "0")
+    assert "Removed 4 blobs" in gc(tmp_path, "--results-older-than", "0", **farm)
     assert client.zcard(keys.JOBS) == 1
 
 
 class TestWhatItRefuses:
     def test_a_folder_with_nothing_in_it(self, tmp_path: Path) -> None:
-        said = Gc(tmp_path)(code=1)
+        said = gc(tmp_path, code=1)
         assert said.startswith("plateau: there is no data of Plateau in ")
         assert not (tmp_path / "data").exists()
 
     def test_a_redis_without_its_blobs(self, tmp_path: Path, data: Path, redis_url: str) -> None:
-        said = Gc(tmp_path, PLATEAU_REDIS_URL=redis_url)(code=1)
+        said = gc(tmp_path, code=1, PLATEAU_REDIS_URL=redis_url)
         assert said.startswith("plateau: set PLATEAU_BLOBS too")
         assert kept(data) == (2, 5)
 
     def test_the_blobs_of_another_redis(self, tmp_path: Path, data: Path, redis_url: str) -> None:
-        Gc(tmp_path)()
+        gc(tmp_path)
         farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": str(data / "blobs")}
-        said = Gc(tmp_path, **farm)("--results-older-than", "0", code=1)
+        said = gc(tmp_path, "--results-older-than", "0", code=1, **farm)
         assert "belong to another Redis" in said
         assert len(said.splitlines()) == 1
         assert kept(data) == (2, 4)

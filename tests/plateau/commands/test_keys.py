@@ -12,17 +12,14 @@ import psutil
 import pytest
 import redis
 import trustme
-from typer.testing import CliRunner
 
 from plateau.client import ApiError, BadKey, Client, Unreachable
-from plateau.commands import app
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
-from plateau.processes.tree import Door
-from tests.support.processes.commands import Command, starting
+from tests.support.processes.commands import Command, plateau, starting
 from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"
@@ -37,12 +34,10 @@ def say(tmp_path: Path) -> Say:
     """Runs a command on the test's data folder: what it says on standard output, and on error."""
 
     def run(*arguments: str, code: int = 0, **environment: str) -> tuple[str, str]:
-        done = CliRunner().invoke(
-            app, arguments, env={"PLATEAU_DATA": str(tmp_path / "data"), **environment}
-        )
-        assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-        assert done.exit_code == code, done.stderr
-        return done.stdout, done.stderr
+        environment = {"PLATEAU_DATA": str(tmp_path / "data"), **environment}
+        found, out, err = plateau(*arguments, **environment)
+        assert found == code, err
+        return out, err
 
     return run
 
@@ -267,16 +262,12 @@ class TestAService:
         with Client(f"http://127.0.0.1:{port}") as client, pytest.raises(ApiError, match="API key"):
             list(client.all_jobs())
 
-    def test_may_stay_open_on_this_machine(
-        self, start: Start, ask: Say, redis_url: str, store: Blobs
-    ) -> None:
-        ask("keys", "create", "me")
-        farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": store.where}
-        assert "--open" in Door(open_to_all=True).options()  # as `plateau up --open` passes on
-        api = start("api", "--port", "0", "--open", **farm)
-        with Client(api.wait_for(READY)) as client:
+    def test_may_stay_open_on_this_machine(self, start: Start, say: Say) -> None:
+        say("keys", "create", "me")
+        up = start("up", "--workers", "0", "--port", "0", "--open")
+        with Client(up.wait_for(READY)) as client:
             assert list(client.all_jobs()) == []
-        api.wait_for("as --open asks")
+        up.wait_for("as --open asks")
 
     def test_says_what_is_wrong_with_a_certificate(
         self, start: Start, say: Say, tmp_path: Path
@@ -326,7 +317,8 @@ class TestAService:
         assert (job["state"], job["owner_name"]) == (JobState.CONVERGED, "me")
         # No process of the farm was given a key
         for process in up.family():
-            with suppress(psutil.NoSuchProcess):  # it has just ended
+            # It has just ended, or keeps its environment to itself
+            with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
                 assert not {"PLATEAU_KEY", "PLATEAU_KEY_FILE"} & set(process.environ())
         up.process.send_signal(signal.SIGTERM)
         assert up.exit_code() == 0

@@ -4,12 +4,14 @@ import itertools
 import json
 import re
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 import redis
 
 from tests.support.farms.staged_job import StagedJob
+from tests.support.processes.commands import starting
 from tests.support.processes.terminal import Terminal
 
 NAMES = ("changed", "noise left", "target")
@@ -31,15 +33,9 @@ def job(client: redis.Redis) -> StagedJob:
 
 @pytest.fixture
 def watch(api: str, job: StagedJob) -> Iterator[Watch]:
-    running: list[Terminal] = []
-
-    def start(*options: str, **more: object) -> Terminal:
-        running.append(Terminal("watch", job.id, "--url", api, *options, **more))
-        return running[-1]
-
-    yield start
-    for one in running:
-        one.close()
+    yield from starting(
+        lambda *options, **more: closing(Terminal("watch", job.id, "--url", api, *options, **more))
+    )
 
 
 def has_curve(lines: list[str]) -> bool:
@@ -131,11 +127,8 @@ def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path:
 
 
 def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:
-    terminal = Terminal("show", "--curve", job.id, "--url", api)
-    try:
+    with closing(Terminal("show", "--curve", job.id, "--url", api)) as terminal:
         assert terminal.exit_code() == 0
         lines = terminal.lines()
-    finally:
-        terminal.close()
     assert re.match(r" +100 spp  changed 10 px", lines[0])
     assert has_curve(lines)

@@ -1,5 +1,7 @@
 """Lists on a narrow terminal: whatever is left out, an id is whole, for it is what one copies."""
 
+from contextlib import closing
+
 import pytest
 import redis
 
@@ -14,12 +16,9 @@ def test_no_id_is_cut(api: str, client: redis.Redis, columns: int) -> None:
     jobs[0].commit(4)
     jobs[0].point(100, visible=9)
     # When they are listed on a terminal
-    terminal = Terminal("list", "--url", api, columns=columns)
-    try:
+    with closing(Terminal("list", "--url", api, columns=columns)) as terminal:
         assert terminal.exit_code() == 0
         text = terminal.written.decode()
-    finally:
-        terminal.close()
     # Then each line begins with a whole id, and at the usual width none is broken
     listed = [line for line in text.splitlines() if "/100000" in line]
     assert [line.split()[0] for line in listed] == [job.id for job in jobs[::-1]]

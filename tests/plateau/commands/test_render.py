@@ -100,8 +100,8 @@ def test_ctrl_c_before_anything_is_rendered_leaves_what_was_there(
         worker.suspend()
         command.wait_for("queued")
         # Other users of this machine have no key
-        (listening,) = command.member("api").net_connections("tcp")[:1]
-        url = f"http://127.0.0.1:{listening.laddr.port}/v1/jobs"
+        (lock,) = command.temporary.glob("plateau-render-*/lock")
+        url = f"{json.loads(lock.read_text())['url']}/v1/jobs"
         assert httpx.get(url, verify=False, trust_env=False, timeout=60).status_code == 401
     # When it is interrupted
     command.process.send_signal(signal.SIGINT)

@@ -1,8 +1,6 @@
 """`plateau render` of an analytic scene: real processes, and an image whose truth is known."""
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,18 +13,13 @@ from tests.support.processes.commands import Command
 SIZE = {"width": 40, "height": 30}
 
 
-@pytest.fixture
-def render(tmp_path: Path) -> Iterator[Command]:
+@pytest.mark.long
+def test_it_converges_by_the_rule_visible_to_the_known_image(tmp_path):
     path = tmp_path / "checks.json"
     path.write_text(json.dumps({"analytic": 1, **SIZE, "light": "checks", "level": 0.2}))
     arguments = ("-o", str(tmp_path / "out"), "--workers", "2", "--threads", "1", "--step", "50")
-    with Command("render", str(path), *arguments, "--rule", "visible", folder=tmp_path) as command:
-        yield command
-
-
-@pytest.mark.long
-def test_it_converges_by_the_rule_visible_to_the_known_image(render, tmp_path):
-    assert render.exit_code(180) == 0, render.said
+    with Command("render", str(path), *arguments, "--rule", "visible", folder=tmp_path) as render:
+        assert render.exit_code(180) == 0, render.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["state"], summary["variant"]) == ("converged", "analytic:numpy")
     assert (summary["spec"]["rule"]["name"], summary["spec"]["rule"]["target"]) == (

@@ -28,10 +28,7 @@ Operation = tuple[str, str, dict[str, Any]]
 
 @pytest.fixture(scope="session")
 def document(session_api: str) -> dict[str, Any]:
-    found: dict[str, Any] = httpx.get(
-        f"{session_api}/openapi.json", trust_env=False, timeout=60
-    ).json()
-    return found
+    return httpx.get(f"{session_api}/openapi.json", trust_env=False, timeout=60).json()
 
 
 @pytest.fixture(scope="session")
@@ -163,8 +160,7 @@ def resolved(document: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]
     reference = schema.get("$ref")
     if reference is None:
         return schema
-    found: dict[str, Any] = document["components"]["schemas"][reference.rpartition("/")[2]]
-    return found
+    return document["components"]["schemas"][reference.rpartition("/")[2]]
 
 
 def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[object]:

@@ -125,6 +125,20 @@ def test_a_moment_without_memory_costs_no_job(
     assert (done.state, "merge cannot continue" in done.reason) == (JobState.FAILED, True)
 
 
+def test_a_film_for_which_memory_has_no_room_ends_its_job_and_no_monitor(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = 280 * 32 * 24
+    monkeypatch.setattr(monitor, "_MOST_LACKS", 2)
+    with farm.monitor():
+        monkeypatch.setattr(monitor, "memory_left", lambda: needed - 1)
+        done = farm.finish(farm.submit(**QUICK))
+        assert done.state is JobState.FAILED
+        assert "32×24 pixels take 0.0 GB, and this monitor, which may have" in done.reason
+        monkeypatch.setattr(monitor, "memory_left", lambda: needed)
+        assert farm.finish(farm.submit(**QUICK)).state is JobState.CONVERGED
+
+
 def spoil(farm: NoiseFarm, lease: Lease) -> None:
     """Change a byte of a committed partial."""
     blob = farm.jobs.ledger(lease.job_id)[lease.index]["blob"]

@@ -1,9 +1,6 @@
 """What the monitor does with a job that is paused: it keeps all of it, and goes on where it was."""
 
-from pathlib import Path
-
 import pytest
-import redis
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.images.exr import decode_image
@@ -20,13 +17,11 @@ QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse
 
 
 @pytest.fixture
-def farm(
-    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> NoiseFarm:
+def farm(farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch) -> NoiseFarm:
     """A farm that saves and shows at once, and whose monitors look at their jobs all the time."""
     save_every_time(monkeypatch)
     monkeypatch.setattr(turns, "IDLE_S", 0.02)
-    return NoiseFarm(client, redis_url, tmp_path)
+    return farm
 
 
 def work_up_to(farm: NoiseFarm, index: int) -> Lease:
@@ -65,12 +60,6 @@ def undisturbed(farm: NoiseFarm) -> Job:
     return farm.jobs.get(job.id)
 
 
-def wait_until_saved(farm: NoiseFarm, job: Job) -> None:
-    """Wait until a checkpoint has all that is committed."""
-    until(lambda: farm.store.names(blobs.partials(job.id)) == [])
-    until(lambda: f"{farm.jobs.get(job.id).committed_spp:07d}" in farm.jobs.results(job.id))
-
-
 def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Job) -> None:
     job = farm.submit(**QUICK)
     for index in range(1, undisturbed.spp // 10 - 1, 3):
@@ -78,8 +67,13 @@ def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Jo
             held = work_up_to(farm, index)
             farm.jobs.pause(job.id)
             farm.commit(held)
-            if index % 2:
-                wait_until_saved(farm, job)
+            if index % 2:  # until a checkpoint has all that is committed
+                until(lambda: farm.store.names(blobs.partials(job.id)) == [])
+                until(
+                    lambda: (
+                        f"{farm.jobs.get(job.id).committed_spp:07d}" in farm.jobs.results(job.id)
+                    )
+                )
             farm.jobs.resume(job.id)
     with farm.monitor():
         farm.finish(job)

@@ -1,14 +1,11 @@
 """A failed job that another monitor finishes has the image that it had."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import redis
 
 from plateau.farm.images.exr import decode_image
 from plateau.farm.ledger.ownership import Ownerships
-from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.support.farms.every_time import save_every_time
 from tests.support.farms.noise_farm import NoiseFarm, noise_film
@@ -20,18 +17,12 @@ SLICE, STEP, SHOWN = 10, 20, 100
 IN_CHECKPOINT = 6
 
 
-@pytest.fixture
-def farm(
-    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> NoiseFarm:
+def test_of_all_that_the_monitor_before_had_merged(
+    farm: NoiseFarm, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
     save_every_time(monkeypatch)
     monkeypatch.setattr("plateau.service.monitor.known.SLICES_PER_CHECKPOINT", 5)
-    return NoiseFarm(client, redis_url, tmp_path)
-
-
-@pytest.fixture
-def failed(farm: NoiseFarm, client: redis.Redis) -> Job:
-    """A job that failed beyond its last checkpoint, when its monitor had gone."""
+    # Given a job that failed beyond its last checkpoint, when its monitor had gone
     job = farm.submit(step=STEP, slice_spp=SLICE, max_spp=4000, rule={"name": "fixed", "spp": 4000})
     with farm.monitor():
         farm.render(SHOWN // SLICE)
@@ -42,21 +33,11 @@ def failed(farm: NoiseFarm, client: redis.Redis) -> Job:
     assert checkpoint.slices == IN_CHECKPOINT
     farm.queue.fail(lease, "no texture of that name", 1.0, "")
     assert farm.jobs.get(job.id).state is JobState.FAILED
-    return job
-
-
-def finish(farm: NoiseFarm, job: Job) -> Job:
+    # When another monitor finishes it
     with farm.monitor():
         until(lambda: farm.is_finished(job))
     check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
-    return farm.jobs.get(job.id)
-
-
-def test_of_all_that_the_monitor_before_had_merged(
-    farm: NoiseFarm, client: redis.Redis, failed: Job
-) -> None:
-    # When another monitor finishes it
-    done = finish(farm, failed)
+    done = farm.jobs.get(job.id)
     # Then the image is the one that was shown, and the curve ends with it
     assert (done.spp, done.image_spp, farm.jobs.curve(done.id)[-1].spp) == (SHOWN,) * 3
     films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(SHOWN // SLICE))

@@ -63,7 +63,8 @@ class Bench:
         content = scene or SCENE.format(integrator="path")
         content = content.encode() if isinstance(content, str) else content
         sha256 = hashlib.sha256(content).hexdigest()
-        self.store.put(blobs.scene(sha256), content)
+        if not self.store.exists(blobs.scene(sha256)):  # each put waits for the disk
+            self.store.put(blobs.scene(sha256), content)
         job = self.jobs.create(
             JobSpec.model_validate({**FRAMES, "slice_spp": 5, "step": 10, **spec}),
             name="ball",

@@ -67,9 +67,10 @@ def live_api(
 @contextmanager
 def live_http(redis_url: str, store: Blobs, **options: Any) -> Iterator[httpx.Client]:
     """A client of an API of its own; `options` are those of `live_api`."""
-    # To load the certificates that nobody shows here takes longer than most tests.
-    with (
-        live_api(redis_url, store, **options) as url,
-        httpx.Client(base_url=url, trust_env=False, verify=False, timeout=60) as http,
-    ):
+    with live_api(redis_url, store, **options) as url, http_client(url) as http:
         yield http
+
+
+def http_client(url: str, **headers: str) -> httpx.Client:
+    # To load the certificates that nobody shows here takes longer than most tests.
+    return httpx.Client(base_url=url, headers=headers, trust_env=False, verify=False, timeout=60)

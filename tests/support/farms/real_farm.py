@@ -120,7 +120,6 @@ class RealFarm(Farm):
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         told = {**self.environment, **environment}
-        process: subprocess.Popen[bytes]
         if self._server is not None and module in FORKED and not inside:
             process = self._server.start(arguments, told, passed)
         else:

@@ -30,8 +30,7 @@ class Received:
 
     def verified(self, secret: str = SECRET) -> dict[str, Any]:
         """The message, its signature verified by the library of Standard Webhooks."""
-        message: dict[str, Any] = Webhook(secret).verify(self.body, self.headers)
-        return message
+        return Webhook(secret).verify(self.body, self.headers)
 
 
 #: What to answer: a status, and headers.

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 from typer.testing import CliRunner
@@ -17,9 +18,9 @@ from plateau.commands import app
 from tests.support.until import until
 
 
-def plateau(*arguments: object) -> tuple[int, str, str]:
+def plateau(*arguments: object, **environment: str) -> tuple[int, str, str]:
     """Exit code, standard output and standard error of a command, run in this process."""
-    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    done = CliRunner().invoke(app, [str(one) for one in arguments], env=environment)
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
     return done.exit_code, done.stdout, done.stderr
 
@@ -129,8 +130,8 @@ class Command:
         self.process.wait()
 
 
-def starting(start: Callable[..., Command]) -> Iterator[Callable[..., Command]]:
-    """What starts commands, none of which outlives the fixture that yields from this."""
+def starting(start: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+    """What starts commands, or enters what else ends; none outlives who yields from this."""
     with ExitStack() as stack:
         yield lambda *given, **more: stack.enter_context(start(*given, **more))
 

@@ -6,23 +6,19 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import psutil
 from numpy.typing import NDArray
 
 from plateau.farm.model.slices.zones import Zone
-from plateau.worker.renderers.contract import Load
+from plateau.worker.renderers.contract import Load, Loaded
 from plateau.worker.supervisor.scene_cache import loading_threads
 from tests.support.processes.own_processes import end_with_parent
 
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
-if TYPE_CHECKING:
-    from plateau.worker.renderers.contract import Loaded
-    from plateau.worker.renderers.mitsuba.renderer import Renderer
-
-_renderer: "Renderer"
+_renderer: Any
 
 
 class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
@@ -44,7 +40,7 @@ class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
         sensor: int = 0,
         aovs: tuple[str, ...] = (),
         **parameters: object,
-    ) -> "Loaded":
+    ) -> Loaded:
         strings = {name: str(value) for name, value in parameters.items()}
         return self.call(_load, folder, entry, strings, sensor, aovs)
 
@@ -71,7 +67,7 @@ def _start(variant: str, llvm_library: str | None, threads: int) -> None:
 
 def _load(
     folder: Path, entry: str, parameters: dict[str, str], sensor: int, aovs: tuple[str, ...]
-) -> "Loaded":
+) -> Loaded:
     return _renderer.load(
         Load(
             folder=str(folder),
@@ -141,7 +137,7 @@ def machine_code_of_pass(spp: int) -> list[str]:
 
 def recordings() -> int:
     """How often the loaded scene was traced."""
-    return _renderer._kernel._recorded.n_recordings  # type: ignore[no-any-return, union-attr]
+    return _renderer._kernel._recorded.n_recordings
 
 
 def next_chunk_after(samples: int, sample_s: float) -> int:

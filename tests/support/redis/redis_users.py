@@ -9,6 +9,7 @@ from plateau.farm.ledger.schema import check_schema
 from plateau.farm.ledger.workers import MonitorLife
 from plateau.farm.redis.acl import acl_file, rules
 from plateau.farm.redis.link import connect
+from tests.support.processes.commands import starting
 
 PASSWORD = "a password of a test"
 LEASE_S = 60.0
@@ -25,16 +26,8 @@ def users(root: redis.Redis, url: str) -> Iterator[Login]:
         root.execute_command("ACL", "SETUSER", *line.split()[1:])
     root.acl_log_reset()
     root.script_flush()  # those of other tests
-    opened = []
-
-    def open_as(role: str) -> redis.Redis:
-        path = url.removeprefix("unix://")
-        opened.append(connect(f"unix://plateau-{role}:{PASSWORD}@{path}", 120.0))
-        return opened[-1]
-
-    yield open_as
-    for one in opened:
-        one.close()
+    path = url.removeprefix("unix://")
+    yield from starting(lambda role: connect(f"unix://plateau-{role}:{PASSWORD}@{path}", 120.0))
     for name in rules():
         root.acl_deluser(name)
 

@@ -7,7 +7,7 @@ would pass by that, also in a process of another version.
 import functools
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -90,10 +90,7 @@ def watching() -> Iterator[None]:
     patches = [
         patch.object(kind, "execute_command", _watched(kind.execute_command)) for kind in kinds
     ]
-    for one in patches:
-        one.start()
-    try:
-        yield
-    finally:
+    with ExitStack() as stack:
         for one in patches:
-            one.stop()
+            stack.enter_context(one)
+        yield

@@ -430,8 +430,7 @@ def test_a_scene_is_freed_when_the_next_is_loaded(mitsuba):
     def load_and_render() -> int:
         mitsuba.load(NOISE, width=512, height=512)
         mitsuba.render_pass(1, 0)
-        resident: int = mitsuba.call(mitsuba_process.resident_bytes)
-        return resident
+        return mitsuba.call(mitsuba_process.resident_bytes)
 
     settled = [load_and_render() for _ in range(2)][-1]
     # Five films of 512×512 would take 20 MiB, and what a pass needs far more.

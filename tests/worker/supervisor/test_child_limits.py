@@ -4,8 +4,8 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from textwrap import dedent
 
@@ -26,35 +26,27 @@ BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
 SMALL = {"width": "16", "height": "12"}
 
 
-class Children:
-    """Starts real render children, and ends them."""
-
-    def __init__(self, home: Path) -> None:
-        self.home = home
-        self._started: list[RenderChild] = []
-
-    def __call__(self, variant: str = "scalar_rgb", **tighter: int) -> RenderChild:
-        limits = ChildLimits(**{"threads": 2, "memory_bytes": 8 << 30, **tighter}, timeout_s=120)
-        scenes = [BOX, self.home.parent]
-        child = RenderChild(variant, library_for(variant), limits, self.home, scenes)
-        self._started.append(child)
-        child.await_ready()
-        return child
-
-    def kill(self) -> None:
-        for child in self._started:
-            child.kill()
+Start = Callable[..., RenderChild]
 
 
 @pytest.fixture
-def child(tmp_path: Path) -> Iterator[Children]:
-    children = Children(tmp_path / "home")
-    yield children
-    children.kill()
+def child(tmp_path: Path) -> Iterator[Start]:
+    """Starts real render children, and ends them."""
+    with ExitStack() as started:
+
+        def start(variant: str = "scalar_rgb", **tighter: int) -> RenderChild:
+            given = {"threads": 2, "memory_bytes": 8 << 30, **tighter}
+            limits, home = ChildLimits(**given, timeout_s=120), tmp_path / "home"
+            child = RenderChild(variant, library_for(variant), limits, home, [BOX, tmp_path])
+            started.callback(child.kill)
+            child.await_ready()
+            return child
+
+        yield start
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_confined_child_renders(child: Children, variant: str, tmp_path: Path) -> None:
+def test_a_confined_child_renders(child: Start, variant: str, tmp_path: Path) -> None:
     confined = child(variant)
     process = psutil.Process(confined.pid)
     # It works in a folder of its own, then in the scene's
@@ -94,10 +86,10 @@ def test_the_largest_films_that_a_bundle_may_have_fit_the_largest_file() -> None
 
 
 def test_the_oldest_compiled_kernels_make_room(
-    child: Children, monkeypatch: pytest.MonkeyPatch
+    child: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(child_start, "_KERNELS", 2)
-    kernels = child.home / ".drjit"
+    kernels = tmp_path / "home" / ".drjit"
     kernels.mkdir(parents=True)
     for age in range(5):
         (kernels / f"{age}.bin").touch()
@@ -107,7 +99,7 @@ def test_the_oldest_compiled_kernels_make_room(
 
 
 def test_the_kernel_shows_no_secret_of_a_child(
-    child: Children, monkeypatch: pytest.MonkeyPatch
+    child: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     secrets = {
         "PLATEAU_REDIS_URL": "redis://:swordfish@host",
@@ -131,7 +123,7 @@ def test_the_kernel_shows_no_secret_of_a_child(
     assert len([target for target in descriptors if target.startswith("socket:")]) == 1
 
 
-def test_a_film_that_is_too_large_for_a_file_ends_the_child_in_words(child: Children) -> None:
+def test_a_film_that_is_too_large_for_a_file_ends_the_child_in_words(child: Start) -> None:
     tight = child(file_bytes=10_000)
     tight.load(BOX, "scene.xml", SMALL, 0)
     tight.render((Pass(1, 0),))
@@ -139,7 +131,7 @@ def test_a_film_that_is_too_large_for_a_file_ends_the_child_in_words(child: Chil
         tight.load(BOX, "scene.xml", {"width": "64", "height": "64"}, 0)
 
 
-def test_too_many_open_files_end_a_load_in_words(child: Children, tmp_path: Path) -> None:
+def test_too_many_open_files_end_a_load_in_words(child: Start, tmp_path: Path) -> None:
     # Given a child that has all the files open that it may have: as if a scene had opened them
     full = child()
     psutil.Process(full.pid).rlimit(psutil.RLIMIT_NOFILE, (3, 3))
@@ -147,7 +139,7 @@ def test_too_many_open_files_end_a_load_in_words(child: Children, tmp_path: Path
         full.load(BOX, "scene.xml", SMALL, 0)
 
 
-def test_a_start_that_fails_is_told_in_words(child: Children) -> None:
+def test_a_start_that_fails_is_told_in_words(child: Start) -> None:
     with pytest.raises(ChildDied, match=r"(?s)while starting.*Too many open files"):
         child(open_files=3)
 
@@ -197,7 +189,7 @@ HOSTILE = {
 
 
 def test_whatever_a_scene_says_a_child_renders_it_or_tells_why_not(
-    child: Children, tmp_path: Path
+    child: Start, tmp_path: Path
 ) -> None:
     tried = child(memory_bytes=4 << 30)
     for number, (what, (body, mesh)) in enumerate(HOSTILE.items()):

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import redis
 
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.states import JobState
 from plateau.worker.renderers.contract import SceneError
@@ -29,11 +27,6 @@ def child(tmp_path: Path) -> Iterator[RenderChild]:
     child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [tmp_path])
     yield child
     child.kill()
-
-
-@pytest.fixture
-def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
-    return Bench(client, redis_url, store, tmp_path)
 
 
 def scene(folder: Path, text: str) -> Path:

@@ -15,7 +15,6 @@ from plateau.worker.supervisor.variants import Probe, VariantChoice
 ANALYTIC = "analytic:numpy"
 TRIED = Probe("scalar_rgb", None, ok=True, detail="", bits="0123456789ab")
 CHOICE = VariantChoice("scalar_rgb", None, "", (TRIED,))
-HOUR_S = 3600.0
 
 
 @pytest.fixture
@@ -93,7 +92,7 @@ def test_what_was_known_of_a_renderer_that_is_gone_is_forgotten(
 @pytest.mark.usefixtures("tested")
 def test_it_is_tested_again_after_a_day(tmp_path: Path) -> None:
     began = time.time()
-    remember(tmp_path, ANALYTIC, checked=began - 25 * HOUR_S)
+    remember(tmp_path, ANALYTIC, checked=began - 25 * 3600)
     assert Kinds(tmp_path, CHOICE).trouble(ANALYTIC) is None
     assert float(str(known(tmp_path, ANALYTIC)["checked"])) >= began
 

@@ -13,7 +13,6 @@ import pytest
 import redis
 
 from plateau.farm.blobs import names as blobs
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
@@ -31,11 +30,6 @@ from tests.support.farms.bench import SCENE, Bench, render_children, scalar, the
 from tests.support.farms.ledger_farm import record_of
 from tests.support.faults.loop_disk import LoopDisk
 from tests.support.until import until
-
-
-@pytest.fixture
-def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
-    return Bench(client, redis_url, store, tmp_path)
 
 
 def test_it_shows_life_whether_redis_answers_or_not(bench: Bench, tmp_path: Path) -> None:
@@ -354,6 +348,7 @@ def test_a_worker_without_work_leaves_where_it_was_told_to(
 ) -> None:
     monkeypatch.setenv("SLURM_ARRAY_JOB_ID", "7")
     monkeypatch.setenv("SLURM_ARRAY_TASK_ID", "1")
+    monkeypatch.setattr(supervisor, "DRAIN_S", 200.0)  # however slow the disk is
     job, _ = bench.job(slices=3)
     worker = Supervisor(bench.settings, scalar(), bench.store, Stop())
     thread = threading.Thread(target=worker.run)

@@ -6,14 +6,10 @@ when the next one comes: where the job is expected to end. It does so by the ima
 the curve depends on no clock.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from typing import Final
 
 #: By what the samples grow from one look to the next: the least, and the most.
 LEAST_GROWTH: Final = 1.25
@@ -41,7 +37,7 @@ class Looks:
     spp: tuple[int, ...]
 
     @classmethod
-    def after(cls, seen: Sequence[tuple[int, int | None]], step: int, last: int) -> Looks:
+    def after(cls, seen: Sequence[tuple[int, int | None]], step: int, last: int) -> "Looks":
         """Return the looks of a job that had these: their spp, and where the job was to end."""
         first = cls(step, last, tuple(spp for spp, _ in seen) or (min(step, last),))
         return first.with_look(*seen[-1]) if seen else first
@@ -53,7 +49,7 @@ class Looks:
         """Return the first one that is known with so many samples per pixel; None if none is."""
         return next((look for look in self.spp if look >= spp), None)
 
-    def with_look(self, spp: int, expected_spp: int | None) -> Looks:
+    def with_look(self, spp: int, expected_spp: int | None) -> "Looks":
         """Return them with the look after the one at this spp, unless that is known."""
         if spp < self.spp[-1]:
             return self

@@ -6,23 +6,18 @@ first rounds are steps of whole films, and the image after each round decides th
 next, and how many slices that has. No worker waits for a judgement; merged slices decide the plan.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.slices.looks import Looks
 from plateau.farm.model.slices.rounds import Round
 from plateau.farm.model.slices.zones import Grid, pixels_of
+from plateau.farm.model.spec import SharedSpec
 from plateau.farm.model.spec.parts import LAG, ZonesAllocation
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from plateau.farm.model.spec import SharedSpec
 
 #: Those of `auto`: until it is decided, no more is planned than both ways begin with.
 _ZONES: Final = ZonesAllocation()
@@ -63,7 +58,7 @@ class Plan:
         height: int | None = None,
         decided: Iterable[Round] = (),
         looks: Sequence[tuple[int, int | None]] = (),
-    ) -> Plan:
+    ) -> "Plan":
         """Return the plan of a job of this spec, with a film of this size in pixels if known.
 
         `looks` are the points of a denoised image: their spp, and where they expect the job to end.
@@ -226,7 +221,7 @@ class Plan:
         one = Round(self.stop, 4 * fours, each, numbers, pixels)
         return one if one.samples >= self.pixels else replace(one, slices=0, spp=0)
 
-    def with_point(self, slices: int, expected_spp: int | None) -> Plan:
+    def with_point(self, slices: int, expected_spp: int | None) -> "Plan":
         """Return the plan after a point of the curve: it decides the look after it.
 
         `expected_spp` is where the image of these slices expects the job to end, if it does.
@@ -235,6 +230,6 @@ class Plan:
             return self
         return replace(self, looks=self.looks.with_look(self.spp(slices), expected_spp))
 
-    def with_round(self, one: Round) -> Plan:
+    def with_round(self, one: Round) -> "Plan":
         """Return the plan with one round more."""
         return replace(self, decided=(*self.decided, one))

@@ -1,16 +1,11 @@
 """What an image decides of a job that is allocated by zones: its rounds."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 from plateau.farm.model.slices.zones import Grid, Zone
+from plateau.farm.model.spec import SharedSpec
 from plateau.farm.model.spec.parts import ZonesAllocation
-
-if TYPE_CHECKING:
-    from plateau.farm.model.spec import SharedSpec
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class Round:
         return json.dumps({**asdict(self), "zones": bits})
 
     @classmethod
-    def from_json(cls, text: str) -> Round:
+    def from_json(cls, text: str) -> "Round":
         """Return the round that `as_json` wrote."""
         stored = json.loads(text)
         if (zones := stored["zones"]) is not None:

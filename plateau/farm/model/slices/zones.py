@@ -1,13 +1,9 @@
 """The parts of a film that a slice may have instead of the whole."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from typing import NamedTuple
 
 
 class Zone(NamedTuple):
@@ -18,7 +14,7 @@ class Zone(NamedTuple):
     width: int
     height: int
 
-    def with_border(self, border: int, film_width: int, film_height: int) -> Zone:
+    def with_border(self, border: int, film_width: int, film_height: int) -> "Zone":
         """Return the zone with as much of a border of so many pixels as lies on the film."""
         left, top = max(0, self.x - border), max(0, self.y - border)
         right = min(film_width, self.x + self.width + border)

@@ -1,9 +1,8 @@
 """Who hears that a job has ended, as its user asks for it."""
 
 import base64
-import binascii
 import re
-from typing import Final
+from typing import Any, Final
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, field_validator
@@ -30,7 +29,7 @@ class NoticeSpec(BaseModel):
         json_schema_extra={"pattern": "^https?://"},
         examples=["https://studio.example/hooks/plateau"],
     )
-    # Excluded wherever a spec is written, except in `JobSpec.as_request`.
+    # Excluded wherever a spec is written, except in `as_request`.
     secret: SecretStr | None = Field(
         default=None,
         exclude=True,
@@ -77,6 +76,11 @@ class NoticeSpec(BaseModel):
             )
         return secret
 
+    def as_request(self) -> dict[str, Any]:
+        """The notice as JSON values, its secret included: never to be stored, nor shown."""
+        secret = {} if self.secret is None else {"secret": self.secret.get_secret_value()}
+        return self.model_dump(mode="json") | secret
+
     @property
     def receivers(self) -> tuple[str, ...]:
         """Scheme, host and port of the URL, whose path may be confidential, and the targets."""
@@ -106,6 +110,6 @@ class NoticeSpec(BaseModel):
 def _is_secret(text: str) -> bool:
     try:
         key = base64.b64decode(text.removeprefix(SECRET_PREFIX), validate=True)
-    except (binascii.Error, ValueError):
+    except ValueError:
         return False
     return text.startswith(SECRET_PREFIX) and len(key) in _SECRET_BYTES

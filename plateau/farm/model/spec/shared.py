@@ -357,6 +357,6 @@ class SharedSpec(Strict):
             if getattr(self, name) != field.get_default(call_default_factory=True)
         }
         document = self.model_dump(mode="json", include=asked)
-        if self.notice.secret is not None:
-            document["notice"]["secret"] = self.notice.secret.get_secret_value()
+        if "notice" in document:
+            document["notice"] = self.notice.as_request()
         return json.dumps(document)

@@ -112,8 +112,6 @@ class _Whole:
 
     def keeping(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
         """The same for slices that exist already: the cap rises."""
-        if self._fits(step, size, cap):
-            return step, size, cap
         step, unit = _nearest(step, size * self.of_step), size * self.of_cap
         if not self._fits(step, size, cap):
             cap = min(cap + -cap % unit, MOST_SPP - MOST_SPP % unit)

@@ -120,15 +120,7 @@ class Reprioritise(Command[Moved]):
     priority: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deleted:
-    """The answer to a job's deletion or restoration."""
-
-    outcome: Literal["done", "illegal"]
-    state: str = ""  #: if illegal, the state that forbids it, or ``missing``
-
-
-class SetDeleted(Command[Deleted]):
+class SetDeleted(Command[Moved]):
     """Delete an ended job, or restore it."""
 
     job: str

@@ -18,7 +18,7 @@ end
 local function batch_of(gate) return string.match(gate, '^batch (%d+) (.+)$') end
 
 -- Is one of the first jobs of a batch not done? The newest come first, as they are often done last.
-local function is_under_way(name, number)
+function After.is_under_way(name, number)
   for _, id in ipairs(redis.call('ZREVRANGEBYSCORE', batch_key(name), number, '-inf')) do
     if redis.call('SISMEMBER', UNFINISHED, id) == 1 then return true end
   end
@@ -104,7 +104,7 @@ function After.settle(id)
     local at = name == batch and place or name and redis.call('ZSCORE', batch_key(name), id)
     if gate ~= 'job ' .. id and not (at and number - at >= 0) then return 'as before' end
     if how ~= 'well' then return 'shut' end
-    return name and is_under_way(name, number) and 'as before' or 'open'
+    return name and After.is_under_way(name, number) and 'as before' or 'open'
   end
 
   for _, waiting in ipairs(redis.call('SMEMBERS', AWAITING)) do

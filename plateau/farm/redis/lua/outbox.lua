@@ -35,14 +35,11 @@ function Outbox.drop(id)
   for receiver in receivers_of(id) do Outbox.schedule(id, receiver) end
 end
 
--- The jobs of a batch by state; nothing while one of them is not done. The newest come first, as they are
--- often done last.
+-- The jobs of a batch by state; nothing while one of them is not done.
 local function whole_batch(name)
-  local jobs, states = redis.call('ZREVRANGE', batch_key(name), 0, -1), {}
-  for _, id in ipairs(jobs) do
-    if redis.call('SISMEMBER', UNFINISHED, id) == 1 then return nil end
-  end
-  for _, id in ipairs(jobs) do
+  if After.is_under_way(name, '+inf') then return nil end
+  local states = {}
+  for _, id in ipairs(redis.call('ZRANGE', batch_key(name), 0, -1)) do
     local state = redis.call('HGET', job_key(id), 'state')
     if state then states[state] = (states[state] or 0) + 1 end
   end

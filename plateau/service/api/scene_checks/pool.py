@@ -72,7 +72,6 @@ class SceneChecks:
 
     def __init__(self, limits: BundleLimits, budget: CheckBudget = _BUDGET) -> None:
         self.limits = limits
-        self._budget = budget
         self._threads = ThreadPoolExecutor(_AT_A_TIME, thread_name_prefix="scene-checks")
         self._slots = asyncio.Semaphore(_AT_A_TIME)
         self._admitted = 0

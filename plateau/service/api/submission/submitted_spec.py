@@ -7,7 +7,7 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from plateau.farm.model.input_errors import BRANCHES
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec
-from plateau.farm.process.log import is_visible
+from plateau.farm.process.letters import is_visible
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.service.api.problems import catalogue as problems
 from plateau.service.api.problems.problem import Problem

@@ -5,6 +5,7 @@ import { duration, large, share, three, whole } from "../shared/figures.js";
 import { durationSeconds, imagePixels, savings } from "../shared/job_summary.js";
 
 export class CostFigures {
+  #shown = "";
   element = h("section", { class: "facts", "aria-label": "Figures" });
 
   /** @param {Api.JobView} job */
@@ -23,6 +24,8 @@ export class CostFigures {
       ["broken", job.non_finite_pixels ? `${whole(job.non_finite_pixels)} px` : "", "NaN or infinite, left out of what is counted"],
       ["rate", rate ? `${three(rate / 1e6)} M` : "", "samples per second and worker"],
     ].filter(([, figure]) => figure);
+    if (this.#shown === String(figures)) return;  // what is marked to be copied stays marked
+    this.#shown = String(figures);
     this.element.replaceChildren(...figures.map(([name, figure, more]) => h("div", {},
       h("p", { class: "fact-name" }, name), h("p", { class: "fact" }, figure), h("p", { class: "fact-more" }, more))));
   }

@@ -67,16 +67,14 @@ export function open(main, { id, signal, go }) {
       if (!isProblem(error, "unknown-job")) throw error;
       screen.hidden = true;
       absent.hidden = false;
-      absent.replaceChildren(h("h1", {}, "There is no such job"), h("p", {}, messageOf(error)), h("a", { href: "/" }, "All jobs"));
+      if (absent.childElementCount < 2) absent.replaceChildren(h("h1", {}, "There is no such job"), h("p", {}, messageOf(error)), h("a", { href: "/" }, "All jobs"));
       return null;
     }
-    if (job.points > points.length) {
-      /** @type {Api.Curve} */
-      const curve = await get(job.links.curve, signal);
-      points.splice(0, points.length, ...curve.points);
-    }
+    /** @type {Api.Curve | null} */
+    const curve = job.points > points.length ? await get(job.links.curve, signal) : null;
     if (now < shownLook) return job;
     shownLook = now;
+    if (curve) points.splice(0, points.length, ...curve.points);
     show(job);
     await viewer.show(job, points);
     return job;
@@ -122,8 +120,8 @@ export function open(main, { id, signal, go }) {
     records.show(job);
   }
 
-  /** @type {Api.JobView | null} */
-  let last = null;
+  /** Null where there is no such job. @type {Api.JobView | null | undefined} */
+  let last;
   let wanted = false;
   async function lookSoon() {
     if (wanted) return;
@@ -137,7 +135,7 @@ export function open(main, { id, signal, go }) {
     if (events.some(({ type }) => type !== "slice")) lookSoon();
   }, signal).catch(complain);
   // Events announce news; images come slightly later, and rates change between events.
-  repeat(async () => (last = await look()), () => (last && !last.finished_at ? LOOK_MS : CALM_MS), signal);
+  repeat(async () => (last = await look()), () => (last === null || last?.finished_at ? CALM_MS : LOOK_MS), signal);
 }
 
 /**

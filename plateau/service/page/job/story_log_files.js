@@ -56,7 +56,8 @@ export class Records {
     this.#showFiles(job);
     const untold = job.notices.filter(({ state }) => state !== "delivered").map(({ to, state, error }) =>
       `The notice to ${to} ${state === "waiting" ? "is not delivered yet" : "was given up"}${error ? `: ${error}` : "."}`);
-    this.#notes.replaceChildren(...[...job.notes, ...untold].map((note) => h("li", {}, note)));
+    const notes = [...job.notes, ...untold].map((note) => h("li", {}, note));
+    if (this.#notes.textContent !== notes.map(({ textContent }) => textContent).join("")) this.#notes.replaceChildren(...notes);
     this.#notes.hidden = !this.#notes.childElementCount;
     setText(this.#spec, JSON.stringify(job.spec, null, 2));
     this.#fetch();

@@ -57,6 +57,10 @@ export class BatchGroup {
     this.#rows.show(this.#jobs, (job) => job.id);
   }
 
+  remove() {
+    this.#rows.show([], () => "");
+  }
+
   /** @param {string} id */
   #nameOf(id) {
     const job = this.#jobs.find((one) => one.id === id);

@@ -21,6 +21,7 @@ export class JobRow {
   #job;
   #shownPicture = "";
   #picturedAt = 0;
+  #fetching = false;
   #image = h("img", { alt: "", width: 96, height: 72, hidden: true });
   #picture = new Picture(this.#image);
   #pick = h("input", { type: "checkbox", class: "pick", onclick: (event) => {
@@ -87,7 +88,7 @@ export class JobRow {
     const saved = savings(job);
     setText(this.#cap, saved ? `${share(saved.fraction)} saved` : `of ${whole(spec.max_spp)} at most`);
     setText(this.#left, job.estimate_fraction == null ? "" : percent(job.estimate_fraction));
-    setText(this.#leftOf, job.estimate_fraction == null ? "" : "noise left");
+    setText(this.#leftOf, job.estimate_fraction == null ? "" : job.estimate_undetermined ? "noise left, undetermined" : "noise left");
     setText(this.#time, ENDED.has(state) ? took(job) : job.time_left);
     setText(this.#who, who(job));
     if (this.#seen) this.#fetch();
@@ -101,11 +102,13 @@ export class JobRow {
     const job = this.#job;
     const stamp = `${job.image_spp} ${job.finished_at ?? ""}`;
     const due = Boolean(job.finished_at) || Date.now() > this.#picturedAt + PICTURE_EVERY_MS;
-    if (job.image_spp && job.spec.pictures && stamp !== this.#shownPicture && due) {
+    if (job.image_spp && job.spec.pictures && stamp !== this.#shownPicture && due && !this.#fetching) {
+      this.#fetching = true;
       this.#shownPicture = stamp;
       this.#picturedAt = Date.now();
       this.#picture.show(job.links.thumbnail_png, this.#signal)
-        .then(() => (this.#image.hidden = false), () => (this.#shownPicture = ""));
+        .then(() => (this.#image.hidden = false), () => (this.#shownPicture = ""))
+        .finally(() => (this.#fetching = false));
     }
   }
 }

@@ -27,13 +27,15 @@ const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "canc
 /** @import { ListedJob } from "./job_row.js" */
 
 /** @type {Screen} */
-export function open(main, { signal, go }) {
+export function open(main, { signal }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
   /** The listed jobs, newest first. @type {Api.JobView[]} */
   let jobs = [];
   let areMore = false;
-  let wanted = PAGE;
+  /** Where one was on this list, when one comes back to it. */
+  let left = history.state ?? {};
+  let wanted = left.wanted ?? PAGE;
   /** Of the refreshes: only the last one is shown. */
   let turn = 0;
   /** @type {Api.Worker[]} */
@@ -49,7 +51,7 @@ export function open(main, { signal, go }) {
   shelves.offer(["deleted"]);
   const search = h("input", { type: "search", "aria-label": "Search the jobs", placeholder: "Search",
     maxlength: 200, value: asked.get("search"), oninput: () => {
-      history.replaceState(null, "", addressWith("search", search.value.trim()));
+      history.replaceState(history.state, "", addressWith("search", search.value.trim()));
       clearTimeout(typed);
       typed = setTimeout(refreshed, TYPED_MS);
     } });
@@ -57,6 +59,7 @@ export function open(main, { signal, go }) {
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
   const more = h("button", { class: "more", hidden: true, onclick: () => {
     wanted = jobs.length + PAGE;
+    history.replaceState({ ...history.state, wanted }, "");
     refreshed();
   } }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
@@ -70,6 +73,7 @@ export function open(main, { signal, go }) {
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
+  signal.addEventListener("abort", () => rows.show([], () => ""));  // frees their pictures
 
   /**
    * @param {string} name
@@ -78,16 +82,19 @@ export function open(main, { signal, go }) {
    * @param {(value: any) => string} words - what an option is called
    */
   function filter(name, field, any, words = String) {
-    const select = h("select", { onchange: () => { go(addressWith(field, select.value)); } }, h("option", { value: "" }, any));
+    const select = h("select", { onchange: () => {
+      history.pushState(null, "", addressWith(field, select.value));
+      wanted = PAGE;
+      refreshed();
+    } }, h("option", { value: "" }, any));
     const label = h("label", {}, h("span", {}, name), select);
-    const chosen = asked.get(field) ?? "";
     const offer = (/** @type {string[]} */ values) => {
       for (const value of values) {
         if (![...select.options].some((option) => option.value === value)) select.append(h("option", { value }, words(value)));
       }
-      select.value = chosen;
+      select.value = asked.get(field) ?? "";
     };
-    offer([chosen]);
+    offer([asked.get(field) ?? ""]);
     return { label, offer };
   }
 
@@ -110,6 +117,11 @@ export function open(main, { signal, go }) {
     areMore = found.areMore;
     workers = alive;
     show();
+    if ((left.top || left.focus) && document.activeElement === main) {
+      scrollTo(0, left.top);
+      /** @type {HTMLElement | null} */ (list.querySelector(`a[href="${left.focus}"]`))?.focus({ preventScroll: true });
+    }
+    left = {};
   }
 
   /** Refreshes at once; where that fails, the next refresh tries again. */
@@ -139,6 +151,7 @@ export function open(main, { signal, go }) {
     rows.show(items, (item) => ("batch" in item ? `batch ${item.batch}` : item.id));
     batches.offer([...new Set(jobs.flatMap((job) => job.spec.batch ?? []))]);
     setText(summary, summed(jobs, areMore, workers));
+    if (!areMore && document.activeElement === more) main.focus({ preventScroll: true });
     more.hidden = !areMore;
     nothing.hidden = jobs.length > 0;
     const shown = `${asked.size > 0} ${maySubmit()}`;

@@ -51,19 +51,21 @@ export function showShot(batch, nameOf) {
   async function refresh() {
     try {
       /** @type {Api.ShotView} */
-      const shot = await get(path);
+      const shot = await get(path, over.signal);
       const now = JSON.stringify(shot);
       if (now !== before) {
         before = now;
         words.replaceChildren(...told(shot));
+        const at = strip.contains(document.activeElement) && document.activeElement?.getAttribute("href");
         strip.replaceChildren(stripOf(shot, nameOf, () => dialog.close()));
+        if (at) /** @type {SVGElement | null} */ (strip.querySelector(`a[href="${at}"]`))?.focus();
       }
-      setText(wrong, "");
       const turn = `${shot.state} ${Math.floor(Date.now() / FILM_EVERY_MS)}`;
       if (turn !== filmed && shot.by_frame.some(({ spp }) => spp)) {
         if (await film.show(shot.links.film, over.signal)) filmed = turn;
       }
       if (shot.looks) await map.show(shot.links.flicker, over.signal);
+      setText(wrong, "");
     } catch (error) {
       if (!over.signal.aborted) setText(wrong, messageOf(error));
     }

@@ -2,8 +2,8 @@
 
 import { askForKey, authorization } from "./api_key.js";
 import { h } from "./dom.js";
-import { complain } from "./notices.js";
-import { sleep } from "./polling.js";
+import { complain, say } from "./notices.js";
+import { sleep, whileHidden } from "./polling.js";
 
 /** @typedef {{ type?: string, title?: string, detail?: string, code?: string, job_id?: string,
  *   errors?: { field: string, message: string }[] }} Details */
@@ -51,7 +51,7 @@ async function withKey(call) {
     const used = authorization();
     const answer = await call(used);
     if (answer.status === 401 && (await askForKey(used))) continue;
-    if (!answer.ok && answer.status !== 304) throw new Problem(answer.status, await answer.json().catch(() => ({})));
+    if (!answer.ok) throw new Problem(answer.status, await answer.json().catch(() => ({})));
     return answer;
   }
 }
@@ -66,7 +66,7 @@ function fetched(path, options = {}) {
       return await fetch(path, { ...options, headers: { ...options.headers, ...key } });
     } catch (error) {
       if (options.signal?.aborted) throw error;
-      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached; trying again.");
+      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached.");
     }
   });
 }
@@ -117,6 +117,9 @@ export function downloadLink(path, name, text) {
   /** @param {MouseEvent} event */
   async function save(event) {
     event.preventDefault();
+    if (link.ariaBusy) return;
+    link.ariaBusy = "true";
+    say(`Fetching ${name} …`);
     try {
       const { blob } = await bytes(link.href);
       const saved = h("a", { href: URL.createObjectURL(blob), download: name });
@@ -124,6 +127,8 @@ export function downloadLink(path, name, text) {
       setTimeout(() => URL.revokeObjectURL(saved.href), 10_000);
     } catch (error) {
       complain(error, true);
+    } finally {
+      link.ariaBusy = null;
     }
   }
 }
@@ -136,6 +141,7 @@ export function downloadLink(path, name, text) {
  */
 export async function upload(path, form, { onProgress, signal, headers = {} }) {
   const answer = await withKey((key) => new Promise((resolve, reject) => {
+    signal.throwIfAborted();
     const request = new XMLHttpRequest();
     request.open("POST", path);
     for (const [name, value] of Object.entries({ ...headers, ...key })) request.setRequestHeader(name, value);
@@ -165,7 +171,7 @@ export async function follow(path, onEvents, signal) {
     const unseen = new AbortController();
     try {
       // A browser has six connections for all of its tabs: a hidden one gives back its own.
-      while (document.hidden) await sleep(300, signal);
+      while (document.hidden) await whileHidden(60_000, signal);
       document.onvisibilitychange = () => unseen.abort();
       const headers = { Accept: "text/event-stream", ...(last && { "Last-Event-ID": last }) };
       const answer = await fetched(path, { headers, signal: AbortSignal.any([signal, unseen.signal]) });

@@ -41,7 +41,7 @@ export async function askForKey(used) {
 function ask(refused) {
   const input = h("input", {
     id: "key", type: "password", autocomplete: "current-password", required: true, autofocus: true,
-    "aria-describedby": "key-help",
+    "aria-describedby": "key-help", pattern: "\\s*[\\x21-\\x7e]+\\s*", title: "Letters, digits and signs, without spaces",
   });
   const keep = () => sessionStorage.setItem(NAME, input.value.trim());
   const dialog = openDialog("This service asks for a key", { method: "dialog", onsubmit: keep },

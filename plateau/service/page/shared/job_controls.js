@@ -2,7 +2,7 @@
 
 import { send } from "./api.js";
 import { confirmed } from "./dialogs.js";
-import { h } from "./dom.js";
+import { byId, h } from "./dom.js";
 import { several } from "./figures.js";
 import { ENDED } from "./job_summary.js";
 import { complain, messageOf, say } from "./notices.js";
@@ -43,7 +43,7 @@ export class JobControls {
   #priority = h("form", { class: "priority", onsubmit: (event) => {
     event.preventDefault();
     const priority = Number(this.#input.value);
-    this.#do({ label: "", done: `given priority ${priority}`, fits: isOpen, request: ({ links }) => send("PATCH", links.self, { priority }) });
+    this.#do(`given priority ${priority}`, this.#jobs.filter(isOpen), ({ links }) => send("PATCH", links.self, { priority }));
   } }, h("label", {}, "Priority ", this.#input), h("button", {}, "Set"));
   elements = [...this.#buttons, this.#priority];
 
@@ -57,30 +57,31 @@ export class JobControls {
    * @param {Api.JobView[]} jobs
    */
   show(jobs) {
+    const focused = this.elements.find((one) => one.contains(document.activeElement));
     this.#jobs = jobs.filter(maySteer);
     ACTIONS.forEach(({ fits }, at) => (this.#buttons[at].hidden = !this.#jobs.some(fits)));
     this.#priority.hidden = !this.#jobs.some(isOpen);
     const priority = String(this.#jobs[0]?.spec.priority ?? 0);
     if (priority !== this.#shown) this.#input.value = this.#shown = priority;
+    // What was pressed may be gone now; the focus goes to another of them, which deletes nothing.
+    if (focused?.hidden) (this.#buttons.find(({ hidden, className }) => !hidden && !className) ?? byId("main")).focus({ preventScroll: true });
   }
 
   /** @param {Action} action */
-  async #ask(action) {
-    const { label, fits, explanation } = action;
-    if (!explanation) return await this.#do(action);
+  async #ask({ label, done, fits, explanation, request }) {
     const jobs = this.#jobs.filter(fits);
     const what = jobs.length === 1 ? "the job" : several(jobs.length, "job");
-    if (await confirmed(`${label} ${named(jobs)}?`, explanation, `${label} ${what}`)) {
-      await this.#do({ ...action, fits: (job) => fits(job) && jobs.some(({ id }) => id === job.id) });
-    }
+    if (explanation && !(await confirmed(`${label} ${named(jobs)}?`, explanation, `${label} ${what}`))) return;
+    await this.#do(done, jobs, request);
   }
 
   /**
-   * Sends a request for each of the jobs that an action fits, and says for which it was done, and why others were refused.
-   * @param {Action} action
+   * Sends a request for each of the jobs, and says for which it was done, and why others were refused.
+   * @param {string} done
+   * @param {Api.JobView[]} jobs
+   * @param {Action["request"]} request
    */
-  async #do({ done, fits, request }) {
-    const jobs = this.#jobs.filter(fits);
+  async #do(done, jobs, request) {
     const queue = jobs.values();
     /** @type {Set<Api.JobView>} */
     const changed = new Set();

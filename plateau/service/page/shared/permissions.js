@@ -10,10 +10,12 @@ let met;
 /** Resolves once the API has said what the key allows, or cannot be asked. @type {Promise<void>} */
 export const metMe = new Promise((resolve) => { met = resolve; });
 
-/** Asks the API about the key. */
+/** Asks the API about the key; resolves to whether it has answered. */
 export async function meetMe() {
-  known = await get("/v1/key").catch(() => known);
+  const said = await get("/v1/key").catch(() => null);
+  known = said ?? known;
   met();
+  return said !== null;
 }
 
 /** Whether a scene may be submitted. */

@@ -9,7 +9,7 @@ import { h } from "./dom.js";
  */
 export async function decoded(blob) {
   const image = h("img", { src: URL.createObjectURL(blob) });
-  await image.decode();
+  await image.decode().catch((error) => { URL.revokeObjectURL(image.src); throw error; });
   return image.src;
 }
 
@@ -58,14 +58,19 @@ export class Picture {
       URL.revokeObjectURL(url);
       throw signal.reason;
     }
-    this.letGo();
+    this.#free();
     this.#image.src = url;
     this.spp = spp;
     this.#shown = found;
   }
 
-  /** Frees the memory of the shown picture. */
+  /** Frees the memory of the shown picture, and awaits no other. */
   letGo() {
+    this.#pending?.stop.abort();
+    this.#free();
+  }
+
+  #free() {
     if (this.#image.src.startsWith("blob:")) URL.revokeObjectURL(this.#image.src);
   }
 }

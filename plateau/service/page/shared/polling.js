@@ -18,6 +18,18 @@ export function sleep(ms, signal) {
 }
 
 /**
+ * Resolves once the page is seen, at the latest after `ms` milliseconds; rejects when the signal aborts.
+ * @param {number} ms
+ * @param {AbortSignal} signal
+ */
+export async function whileHidden(ms, signal) {
+  if (!document.hidden) return;
+  const seen = new AbortController();
+  document.addEventListener("visibilitychange", () => seen.abort(), { once: true, signal });
+  await sleep(ms, AbortSignal.any([signal, seen.signal])).catch(() => signal.throwIfAborted());
+}
+
+/**
  * Calls `work` again and again, `everyMs()` apart, and half a minute while the page is hidden.
  * @param {() => Promise<unknown>} work
  * @param {() => number} everyMs
@@ -34,7 +46,7 @@ export async function repeat(work, everyMs, signal) {
     }
     try {
       await sleep(everyMs(), signal);
-      for (let n = 0; document.hidden && n < 100; n += 1) await sleep(300, signal);
+      await whileHidden(30_000, signal);
     } catch {
       return;
     }

@@ -38,7 +38,8 @@ export async function open(main, { signal, go }) {
     waiting.replaceWith(new Submission(signal, go, scenes, job).element);
   } catch (error) {
     if (signal.aborted) return;
-    waiting.append(h("p", { class: "bad", role: "alert" }, messageOf(error)), h("a", { class: "button", href: "/submit" }, "Submit a scene"));
+    waiting.append(h("p", { class: "bad", role: "alert" }, messageOf(error)),
+      h("a", { class: "button", href: isProblem(error, "unknown-job") ? "/submit" : location.href }, "Submit a scene"));
   }
 }
 
@@ -60,6 +61,7 @@ class Submission {
   #parameters = [];
   /** The values of parameters that a job had, for the fields of its scene. @type {Api.JobSpec["parameters"]} */
   #given = {};
+  #title = h("h1", {}, "Submit a scene");
   #hint = h("p", { class: "lead", hidden: true });
   #frames = new Frames();
   #spec = new SpecForm();
@@ -101,8 +103,11 @@ class Submission {
       this.#parameterBox, this.#frames.element,
       ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
+    this.#rest.addEventListener("change", ({ target }) => {
+      if (target instanceof HTMLInputElement && target.name === "spec.sensor") this.#check();  // another camera has its own size
+    });
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, again ? `Render ${again.name} again` : "Submit a scene"), this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
+      this.#title, this.#hint, this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored(scenes);
     if (again) this.#fill(again);
   }
@@ -114,6 +119,7 @@ class Submission {
   #fill(job) {
     const { scene_sha256: sha256, spec } = job;
     const { notice, shot } = spec;
+    setText(this.#title, `Render ${job.name} again`);
     this.#spec.fill(spec);
     this.#given = spec.parameters;
     this.#again = { job, had: { ...this.#spec.values(), parameters: spec.parameters, notice: {} } };
@@ -164,7 +170,11 @@ class Submission {
 
   /** @param {{ file?: File, path?: string, sha256?: string }} scene */
   #take({ file, path = "", sha256 = "" }) {
-    if (sha256 !== this.#again?.job.scene_sha256) this.#again = null;
+    if (sha256 !== this.#again?.job.scene_sha256) {
+      this.#again = null;
+      this.#hint.hidden = true;
+      setText(this.#title, "Submit a scene");
+    }
     this.#file = file ?? null;
     this.#path = path;
     this.#sha256 = sha256;
@@ -177,7 +187,6 @@ class Submission {
   async #check() {
     this.#sending?.abort();
     const sending = (this.#sending = new AbortController());
-    this.#signal.addEventListener("abort", () => sending.abort(), { once: true });
     this.#blame(null);
     const name = this.#file?.name ?? (this.#path || "the stored scene");
     setText(this.#said, `Checking ${name} …`);
@@ -186,7 +195,7 @@ class Submission {
     this.#progress.hidden = !form.has("scene");
     try {
       this.#showFound(await upload("/v1/scenes", form, {
-        signal: sending.signal,
+        signal: AbortSignal.any([this.#signal, sending.signal]),
         onProgress: (done, all) => {
           this.#progress.value = done / all;
           setText(this.#said, done < all ? `Sending ${name}: ${share(done / all)} of ${bytes(all)}` : `Checking ${name} …`);

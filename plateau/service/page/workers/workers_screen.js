@@ -1,6 +1,6 @@
 // The list of living workers: what each does, and its troubles.
 
-import { get, send } from "../shared/api.js";
+import { get, isProblem, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { ago, bytes, percent, several, three, whole } from "../shared/figures.js";
@@ -15,15 +15,15 @@ const EVERY_MS = 2000;
 /** @type {Screen} */
 export function open(main, { signal }) {
   document.title = "Workers · Plateau";
-  const summary = h("p", { class: "summary", "aria-live": "polite" });
-  const list = h("ul", { class: "workers", "aria-label": "Workers" });
+  const summary = h("p", { class: "summary" });
+  const list = h("ul", { "aria-label": "Workers" });
   const nothing = h("div", { class: "nothing", hidden: true },
     h("p", { class: "lead" }, "There are no workers."),
     h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
   /** The names of jobs by their ids, once they are known. @type {Map<string, string>} */
   const names = new Map();
-  const rows = new KeyedList(list, (/** @type {Api.Worker} */ worker) => new WorkerRow(worker, names, refresh));
+  const rows = new KeyedList(list, (/** @type {Api.Worker} */ worker) => new WorkerRow(worker, names, () => refresh().catch(() => {})));  // the next look tries again
 
   let asked = 0;
   async function refresh() {
@@ -32,7 +32,8 @@ export function open(main, { signal }) {
     const { workers } = await get("/v1/workers", signal);
     const named = workers.flatMap(({ job, left_out_of: left }) => [...(job ? [job] : []), ...left]);
     const unknown = new Set(named.filter((id) => !names.has(id)));
-    await Promise.all([...unknown].map(async (id) => names.set(id, (await get(`/v1/jobs/${id}`, signal).catch(() => null))?.name ?? id)));
+    await Promise.all([...unknown].map((id) => get(`/v1/jobs/${id}`, signal).then(({ name }) => names.set(id, name),
+      (error) => isProblem(error, "unknown-job") && names.set(id, id))));
     if (number !== asked) return; // a later question has the newer answer
     workers.sort((a, b) => a.id.localeCompare(b.id));
     rows.show(workers, ({ id }) => id);

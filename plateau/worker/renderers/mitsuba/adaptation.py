@@ -6,18 +6,14 @@ added up), and an integrator whose samples depend on the seed alone. Notes say w
 film's size, crop window and reconstruction filter stay. Part of the render child: imports Mitsuba.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import mitsuba as mi
 
 from plateau.farm.model.renderers import WHOLE
 from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.contract import SceneError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 NO_WEIGHTS = (
     "the integrator '{}' does not sample pixel by pixel, and its passes cannot be added up; use "

@@ -1,17 +1,11 @@
 """Which channels the film of a Mitsuba scene has, and where the integrator gives them."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from plateau.farm.model.aovs import AOVS
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from plateau.farm.model.aovs import AovName
+from plateau.farm.model.aovs import AOVS, AovName
 
 #: What Mitsuba's ``aov`` integrator calls the AOVs that a job may ask for.
 MITSUBA_AOVS: Final[Mapping[AovName, str]] = {

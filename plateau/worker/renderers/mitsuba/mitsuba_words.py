@@ -3,24 +3,20 @@
 Part of the render child: imports Mitsuba.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import stat
 import sys
 import traceback
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import mitsuba as mi
 
 from plateau.worker.renderers.causes import first_words, without_details, without_folders
 from plateau.worker.renderers.contract import SceneError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
 
 #: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
 _OUR_FRAMES = 2

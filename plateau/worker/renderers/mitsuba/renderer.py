@@ -1,32 +1,24 @@
 """Hosts Mitsuba, in the render child alone: loads one scene at a time and renders its passes."""
 
-from __future__ import annotations
-
 import gc
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
-from plateau.farm.model.slices.zones import pixels_of
+from plateau.farm.model.slices.zones import Zone, pixels_of
 from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.kernel import LANES_OF_DR_JIT, Kernel, share_out
 from plateau.worker.renderers.mitsuba.mitsuba_words import scene_errors
-from plateau.worker.renderers.mitsuba.scene_prep import prepare, with_aovs
+from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene, prepare, with_aovs
 from plateau.worker.renderers.mitsuba.scene_update import updated
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from plateau.farm.model.slices.zones import Zone
-    from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
 
 NO_EMITTER: Final = 'the scene has no emitter; add one, such as <emitter type="constant"/>'
 #: Rays of the camera that are looked at, along each axis of its film.

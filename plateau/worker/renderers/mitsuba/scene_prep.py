@@ -3,32 +3,25 @@
 Part of the render child: imports Mitsuba.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import drjit as dr
 import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.images.crops import crop_header
+from plateau.farm.model.aovs import AovName
 from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.causes import first_words, warnings_in, without_folders
-from plateau.worker.renderers.contract import SceneError, check_aovs
+from plateau.worker.renderers.contract import Load, SceneError, check_aovs
 from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
-from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
+from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, FilmChannels, film_channels
 from plateau.worker.renderers.mitsuba.mitsuba_words import explained, mitsuba_log, scene_errors
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from plateau.farm.model.aovs import AovName
-    from plateau.worker.renderers.contract import Load
-    from plateau.worker.renderers.mitsuba.film_channels import FilmChannels
 
 #: Those of `mitsuba.ad`: they give an image and its derivatives, and no film that is not developed.
 _DIFFERENTIABLE = (

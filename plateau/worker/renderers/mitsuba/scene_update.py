@@ -4,21 +4,15 @@ Such are the images of a data set: the camera moves, colours and lights change. 
 child: imports Mitsuba.
 """
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import drjit as dr
 import mitsuba as mi
 
-from plateau.worker.renderers.mitsuba.scene_prep import id_of, parsed_nodes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from plateau.worker.renderers.contract import Load
-    from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
+from plateau.worker.renderers.contract import Load
+from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene, id_of, parsed_nodes
 
 #: The properties of each plugin that can be changed: those that are no part of a kernel. The
 #: others may be (a principled BSDF without `metallic` is shorter), or rebuild what a load builds.

@@ -15,10 +15,9 @@ from plateau.service.api.access.key_guard import Access, needs_key
 from plateau.service.api.process import CannotListen, access_at
 from plateau.service.api.routes import results as routes_results
 from tests.support.api_calls import BOX, problem, submit
-from tests.support.farms.live_api import live_http
+from tests.support.farms.live_api import http_client, live_http
 from tests.support.farms.staged_job import StagedJob
-
-PLENTY = KeyLimits()
+from tests.support.processes.commands import starting
 
 As = Callable[..., httpx.Client]
 
@@ -26,25 +25,12 @@ As = Callable[..., httpx.Client]
 @pytest.fixture
 def as_(session_api: str, keys: ApiKeys) -> Iterator[As]:
     """Clients of the session's API, each with a new key of this role and these limits."""
-    made: list[httpx.Client] = []
 
     def with_key(role: str, **limits: float | None) -> httpx.Client:
-        allowed = KeyLimits.model_validate({**PLENTY.model_dump(), **limits})
-        _, shown = keys.create(f"a {role}", Role(role), allowed)
-        made.append(
-            httpx.Client(
-                base_url=session_api,
-                headers={"Authorization": f"Bearer {shown}"},
-                trust_env=False,
-                verify=False,
-                timeout=60,
-            )
-        )
-        return made[-1]
+        _, shown = keys.create(f"a {role}", Role(role), KeyLimits.model_validate(limits))
+        return http_client(session_api, Authorization=f"Bearer {shown}")
 
-    yield with_key
-    for one in made:
-        one.close()
+    yield from starting(with_key)
 
 
 def id_of(client: httpx.Client) -> str:
@@ -82,7 +68,7 @@ def test_elsewhere_than_on_this_machine_it_wants_a_key_that_can_be_used(keys: Ap
     for host in ("0.0.0.0", "example.org", ""):
         with pytest.raises(CannotListen, match="plateau keys create NAME --role admin"):
             access_at(host, keys, open_to_all=False)
-        key, _ = keys.create(f"me at {host}", Role.ADMIN, PLENTY)
+        key, _ = keys.create(f"me at {host}", Role.ADMIN, KeyLimits())
         assert access_at(host, keys, open_to_all=False) is Access.KEYS
         with pytest.raises(CannotListen, match="with --open: other machines reach that address"):
             access_at(host, keys, open_to_all=True)

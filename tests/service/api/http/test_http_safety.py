@@ -21,10 +21,7 @@ def exchange(http: httpx.Client, sent: bytes) -> bytes:
     url = urlsplit(str(http.base_url))
     with socket.create_connection((url.hostname, url.port), timeout=30) as connection:
         connection.sendall(sent)
-        answered = b""
-        while more := connection.recv(65_536):
-            answered += more
-    return answered
+        return b"".join(iter(lambda: connection.recv(65_536), b""))
 
 
 def parsed(answered: bytes) -> httpx.Response:
@@ -102,8 +99,7 @@ class TestEveryAnswer:
         problem(answer, 500, "internal-error")
         assert_safe(answer)
         assert_safe(http.get("/v1/jobs", headers={"Host": "evil.example"}))
-        limits = KeyLimits()
-        key = ApiKeys(client).create("a viewer", Role.VIEWER, limits)[1]
+        key = ApiKeys(client).create("a viewer", Role.VIEWER, KeyLimits())[1]
         answer = http.get("/v1/jobs", headers={"Authorization": f"Bearer {key}"})
         assert answer.status_code == 200
         assert_safe(answer)
@@ -202,8 +198,7 @@ class TestPagesOfOthers:
     def test_have_no_key_so_one_who_brings_it_is_let_in(
         self, http: httpx.Client, client: redis.Redis
     ) -> None:
-        limits = KeyLimits()
-        key = ApiKeys(client).create("a viewer", Role.VIEWER, limits)[1]
+        key = ApiKeys(client).create("a viewer", Role.VIEWER, KeyLimits())[1]
         headers = {"Sec-Fetch-Site": "cross-site", "Authorization": f"Bearer {key}"}
         assert http.get("/v1/jobs", headers=headers).status_code == 200
 

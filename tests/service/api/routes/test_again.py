@@ -1,6 +1,5 @@
 """Ended jobs are rendered again: where samples are kept, as if the job had never been stopped."""
 
-import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +23,7 @@ from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
 from plateau.farm.wire.examples import SCENE_XML
 from tests.support import FRAMES
+from tests.support.api_calls import submit
 from tests.support.farms.finished_jobs import go_on, loses
 from tests.support.farms.live_api import live_http
 from tests.support.farms.noise_farm import NoiseFarm
@@ -40,11 +40,6 @@ def work(farm: NoiseFarm, job: Job) -> Job:
     done = farm.finish(job)
     check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
     return done
-
-
-def let_it_have_ended(farm: NoiseFarm, job: Job, days_ago: float) -> None:
-    redis = farm.jobs._redis
-    redis.hset(keys.job(job.id), "finished_at", farm.jobs.now_ms() - round(days_ago * DAY_S * 1000))
 
 
 def pixels(farm: NoiseFarm, job: Job) -> bytes:
@@ -186,7 +181,7 @@ def test_sums_stay_for_a_job_that_still_stands_on_them(
     with farm.monitor():
         old = work(farm, farm.submit(**QUICK))
     new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
-    let_it_have_ended(farm, old, days_ago=4)
+    client.hset(keys.job(old.id), "finished_at", farm.jobs.now_ms() - 4 * DAY_S * 1000)
     # When the farm is swept, then the sums stay
     for dry_run in (True, False):
         assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 0
@@ -346,9 +341,7 @@ class TestOverHttp:
         self, farm: NoiseFarm, http: httpx.Client
     ) -> None:
         # Given an exhausted job on a scalar variant, with a seed of its own
-        files = {"scene": ("box.xml", SCENE_XML)}
-        asked = {**QUICK, "max_spp": 60, "seed": 1}
-        made = http.post("/v1/jobs", files=files, data={"spec": json.dumps(asked)}).json()
+        made = submit(http, SCENE_XML, {**QUICK, "max_spp": 60, "seed": 1}).json()
         with farm.monitor():
             old = work(farm, farm.jobs.get(made["id"]))
         assert old.state is JobState.EXHAUSTED
@@ -370,9 +363,7 @@ class TestOverHttp:
         self, http: httpx.Client, farm: NoiseFarm
     ) -> None:
         scene = SCENE_XML.replace('<default name="width" value="256"/>', "")
-        asked = {"parameters": {"width": 64}}
-        files = {"scene": ("box.xml", scene), "spec": ("spec.json", json.dumps(asked))}
-        old = http.post("/v1/jobs", files=files).json()
+        old = submit(http, scene, {"parameters": {"width": 64}}).json()
         farm.jobs.cancel(old["id"])
         answer = http.post(old["links"]["again"], json={"parameters": {"width": None}})
         assert answer.json()["type"] == "/problems/broken-scene", answer.text

@@ -25,8 +25,7 @@ def frames(*widths: object, **spec: Any) -> dict[str, Any]:
 
 
 def listed(http: httpx.Client, **asked: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = http.get("/v1/jobs", params=asked).json()["jobs"]
-    return found
+    return http.get("/v1/jobs", params=asked).json()["jobs"]
 
 
 class TestAListOfParameters:

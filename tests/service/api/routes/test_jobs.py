@@ -212,7 +212,6 @@ class TestABadUpload:
             assert client.recv(65536).startswith(b"HTTP/1.1 413 ")
 
     def test_is_refused_by_the_part_that_is_wrong(self, http: httpx.Client) -> None:
-        files: dict[str, Any]
         for files, field in (
             ({"scene": (None, "box.xml")}, "scene"),
             ({"scene_sha256": (None, "ABC")}, "scene_sha256"),

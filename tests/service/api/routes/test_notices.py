@@ -1,9 +1,6 @@
 """Notices over HTTP: asked for in a spec, and shown without secrets."""
 
-from collections.abc import Iterator
-
 import httpx
-import pytest
 import redis
 
 from plateau.client import Client
@@ -28,10 +25,9 @@ def test_the_path_is_shown_to_who_asked_for_it_and_to_nobody_else(
     http: httpx.Client, client: redis.Redis
 ) -> None:
     # Given three keys, and a job of the first whose notice's path is its secret
-    limits = KeyLimits()
 
     def headers(role: Role) -> dict[str, str]:
-        key = ApiKeys(client).create(f"a {role.value}", role, limits)[1]
+        key = ApiKeys(client).create(f"a {role.value}", role, KeyLimits())[1]
         return {"Authorization": f"Bearer {key}"}
 
     owner = headers(Role.SUBMITTER)
@@ -106,18 +102,13 @@ def test_the_same_request_with_another_secret_is_another_request(http: httpx.Cli
     problem(submit(http, spec=specs[1], headers=key), 422, "idempotency-key-reused")
 
 
-@pytest.fixture
-def lab(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
-    """An API whose owner allows a network and a host."""
-    with live_http(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as http:
-        yield http
-
-
-def test_the_farm_s_owner_may_allow_private_receivers(lab: httpx.Client) -> None:
-    for url in ("http://10.1.2.3:8080/x", "https://10.1.2.3/", "http://hooks.lab/"):
-        assert asked(lab, url=url).status_code == 201
-    for url in ("http://192.168.1.1/", "http://other.lab/", "https://127.0.0.1/"):
-        problem(asked(lab, url=url), 422, "invalid-spec")
+def test_the_farm_s_owner_may_allow_private_receivers(redis_url: str, store: Blobs) -> None:
+    # Given an API whose owner allows a network and a host
+    with live_http(redis_url, store, webhook_allow=("10.0.0.0/8", "hooks.lab")) as lab:
+        for url in ("http://10.1.2.3:8080/x", "https://10.1.2.3/", "http://hooks.lab/"):
+            assert asked(lab, url=url).status_code == 201
+        for url in ("http://192.168.1.1/", "http://other.lab/", "https://127.0.0.1/"):
+            problem(asked(lab, url=url), 422, "invalid-spec")
 
 
 def test_a_job_that_goes_on_tells_nobody_whom_a_new_one_may_not(

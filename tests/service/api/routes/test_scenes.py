@@ -3,7 +3,7 @@
 import httpx
 
 from plateau.farm.wire.examples import SCENE_SHA256, SCENE_XML
-from tests.support.api_calls import problem
+from tests.support.api_calls import problem, submit
 
 
 def check(http: httpx.Client, scene: str = SCENE_XML, spec: str = "{}") -> httpx.Response:
@@ -37,24 +37,21 @@ def test_parameters_count(http: httpx.Client) -> None:
 
 
 def test_the_renderer_of_a_scene_decides_the_variant_of_its_job(http: httpx.Client) -> None:
-    def submit(scene: str, spec: str) -> httpx.Response:
-        return http.post("/v1/jobs", files={"scene": ("a", scene)}, data={"spec": spec})
-
     analytic = '{"analytic": 1, "width": 16, "height": 16}'
     found = check(http, scene=analytic, spec='{"parameters": {"width": 32}}').json()
     assert (found["kind"], found["entry"], found["width"]) == ("json", "scene.json", 32)
-    assert submit(analytic, "{}").json()["spec"]["variant"] == "analytic:numpy"
-    assert submit(analytic, '{"variant": "analytic:numpy"}').status_code == 201
-    assert submit(SCENE_XML, "{}").json()["spec"]["variant"] == "auto"
-    full_name = submit(SCENE_XML, '{"variant": "mitsuba:llvm_ad_rgb"}')
+    assert submit(http, analytic, "{}").json()["spec"]["variant"] == "analytic:numpy"
+    assert submit(http, analytic, '{"variant": "analytic:numpy"}').status_code == 201
+    assert submit(http, SCENE_XML, "{}").json()["spec"]["variant"] == "auto"
+    full_name = submit(http, SCENE_XML, '{"variant": "mitsuba:llvm_ad_rgb"}')
     assert full_name.json()["spec"]["variant"] == "llvm_ad_rgb"
-    many = submit(analytic, '{"batch": "b", "parameters": [{"width": 8}, {"width": 16}]}')
+    many = submit(http, analytic, '{"batch": "b", "parameters": [{"width": 8}, {"width": 16}]}')
     assert many.status_code == 201
     jobs = http.get("/v1/jobs", params={"batch": "b"}).json()["jobs"]
     assert [job["spec"]["variant"] for job in jobs] == ["analytic:numpy"] * 2
     for scene, variant in ((analytic, "llvm_ad_rgb"), (SCENE_XML, "analytic:numpy")):
         for refused in (
-            submit(scene, f'{{"variant": "{variant}"}}'),
+            submit(http, scene, f'{{"variant": "{variant}"}}'),
             check(http, scene=scene, spec=f'{{"variant": "{variant}"}}'),
         ):
             body = problem(refused, 422, "invalid-spec")

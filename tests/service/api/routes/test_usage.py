@@ -3,14 +3,13 @@
 import csv
 import json
 from datetime import date
+from functools import partial
 
 import httpx
 import pytest
 import redis
-from typer.testing import CliRunner
 
 from plateau.client import Client
-from plateau.commands import app
 from plateau.farm.ledger import usage as ledger
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
@@ -19,6 +18,7 @@ from plateau.farm.redis import keys
 from plateau.farm.wire.usage_views import usage_csv
 from tests.support.api_calls import problem
 from tests.support.farms.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.processes.commands import plateau as command
 
 #: 2026-11-02 was a Monday: ISO week 45.
 _MONDAY_MS = 1_793_577_600_000
@@ -116,10 +116,7 @@ def test_the_client_asks_by_dates(session_api: str, jobs: list[StagedJob]) -> No
 def test_the_command_line_prints_a_table_csv_or_json(
     session_api: str, jobs: list[StagedJob]
 ) -> None:
-    def plateau(*arguments: str) -> tuple[int, str, str]:
-        done = CliRunner().invoke(app, [*arguments, "--url", session_api])
-        return done.exit_code, done.stdout, done.stderr
-
+    plateau = partial(command, PLATEAU_URL=session_api)
     code, out, err = plateau("usage", "--by", "batch", "--until", "2026-11-08")
     assert (code, out.split("\t")[:4]) == (0, ["walk", "–", "2", "0.000417"])
     assert "2 jobs: 0.000417 core hours" in err

@@ -4,22 +4,19 @@ import httpx
 import redis
 
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
 from plateau.farm.wire.examples import SCENE_XML
-from tests.support.api_calls import problem
-from tests.support.farms.ledger_farm import about, live_on, own
+from tests.support.api_calls import problem, submit
+from tests.support.farms.ledger_farm import LedgerFarm, about, live_on
 
 
 def test_demand_is_counted_for_the_variants_of_a_pool(
     http: httpx.Client, client: redis.Redis
 ) -> None:
-    jobs, owners = Jobs(client), Ownerships(client, lease_s=60)
     for variant, slices in (("cuda_ad_rgb", 2), ("scalar_rgb", 3)):
-        job = jobs.create(JobSpec(variant=variant), name="box", scene_sha256="00").job
-        owners.plan(own(owners, job.id), range(slices))
+        LedgerFarm(client).job(slices, variant=variant)
     assert SliceQueue(client, "w-1", 60).lease(("scalar_rgb",), None, in_turn=False) is not None
 
     def demand(**asked: str | list[str]) -> dict[str, int]:
@@ -41,9 +38,8 @@ def test_demand_is_counted_for_the_variants_of_a_pool(
 
 
 def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: redis.Redis) -> None:
-    scene = {"scene": ("a.xml", SCENE_XML)}
-    asked = {"spec": '{"pool": "night", "requires": ["gpu"], "variant": "llvm_ad_rgb"}'}
-    made = http.post("/v1/jobs", files=scene, data=asked)
+    asked = {"pool": "night", "requires": ["gpu"], "variant": "llvm_ad_rgb"}
+    made = submit(http, SCENE_XML, asked)
     assert made.status_code == 201
     words = (
         "waits for a worker that renders llvm_ad_rgb in pool night with tags gpu: there is none "
@@ -81,7 +77,4 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
 def test_a_need_too_many_is_a_problem(http: httpx.Client, client: redis.Redis) -> None:
     for number in range(keys.MOST_NEEDS):
         Jobs(client).create(JobSpec(pool=f"p{number}"), name="box", scene_sha256="00")
-    scene = {"scene": ("a.xml", SCENE_XML)}
-    problem(
-        http.post("/v1/jobs", files=scene, data={"spec": '{"pool": "p"}'}), 409, "too-many-needs"
-    )
+    problem(submit(http, SCENE_XML, {"pool": "p"}), 409, "too-many-needs")

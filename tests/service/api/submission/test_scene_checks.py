@@ -5,6 +5,7 @@ import socket
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from urllib.parse import urlsplit
 
 import psutil
@@ -21,6 +22,7 @@ from plateau.service.api.scene_checks.pool import (
 )
 from plateau.service.api.scene_checks.process import CheckBudget, CheckEnded
 from tests.support.farms.real_farm import RealFarm
+from tests.support.processes.commands import starting
 from tests.support.scenes.bundles import scene, zipped
 from tests.support.until import until
 
@@ -99,16 +101,8 @@ async def stays() -> bool:
 @pytest.fixture
 def make() -> Iterator[Callable[..., SceneChecks]]:
     """Makes checks with limits that bound nothing, so that the budget has to."""
-    made: list[SceneChecks] = []
     limits = BundleLimits(max_xml_bytes=2**40, max_xml_elements=2**40, max_substitutions=2**40)
-
-    def make(**budget: float) -> SceneChecks:
-        made.append(SceneChecks(limits, CheckBudget(**budget)))  # type: ignore[arg-type]
-        return made[-1]
-
-    yield make
-    for checks in made:
-        checks.close()
+    yield from starting(lambda **budget: closing(SceneChecks(limits, CheckBudget(**budget))))
 
 
 async def check(

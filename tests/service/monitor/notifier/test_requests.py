@@ -20,6 +20,7 @@ from plateau.service.monitor.notifier import requests as module
 from plateau.service.monitor.notifier.requests import NoResponse, Requests, signed_headers
 from plateau.service.notices.receivers import Receivers
 from tests.support.farms.receiver import OK, SECRET, Answer, receiving
+from tests.support.threads import working
 
 BODY = b'{"type": "job.converged"}'
 HERE = Receivers(("127.0.0.0/8",))
@@ -37,12 +38,6 @@ def requests(receivers: Receivers = HERE, **times: float) -> Requests:
 @pytest.fixture(scope="session")
 def authority() -> trustme.CA:
     return trustme.CA()
-
-
-def trusting(authority: trustme.CA, receivers: Receivers) -> Requests:
-    tls = ssl.create_default_context()
-    authority.configure_trust(tls)
-    return Requests(receivers, lambda: tls)
 
 
 def serving(authority: trustme.CA, name: str) -> ssl.SSLContext:
@@ -65,13 +60,9 @@ def speaking(words: Iterable[bytes], pause_s: float = 0.0) -> Iterator[str]:
                         return
                 over.wait(NEVER_S)
 
-    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Talk) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield f"http://127.0.0.1:{server.server_address[1]}/"
-        finally:
-            over.set()
-            server.shutdown()
+    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Talk)
+    with server, working(server.serve_forever, lambda: (over.set(), server.shutdown())):
+        yield f"http://127.0.0.1:{server.server_address[1]}/"
 
 
 def test_a_signature_is_what_the_library_of_standard_webhooks_expects() -> None:
@@ -147,7 +138,9 @@ def test_tls_is_verified_against_the_name_whatever_the_address(
     authority: trustme.CA, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     receivers = Receivers(("hooks.lab",), look_up=lambda *_: ["127.0.0.1"])
-    theirs = trusting(authority, receivers)
+    tls = ssl.create_default_context()
+    authority.configure_trust(tls)
+    theirs = Requests(receivers, lambda: tls)
     with receiving(tls=serving(authority, "hooks.lab")) as receiver:
         url = f"https://hooks.lab:{urlsplit(receiver.url).port}/x"
         assert theirs.post(url, headers(), BODY).status == 200

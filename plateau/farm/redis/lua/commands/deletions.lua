@@ -1,11 +1,11 @@
 -- Delete an ended job, which leaves its batch, or restore it.
--- Returns 'done', also where it was so before, or 'illegal' with the state (it has not ended) or 'missing'.
+-- Returns 'changed', also where it was so before, or 'illegal' with the state (it has not ended) or 'missing'.
 function for_farm.set_deleted(it)
   local id = it.job
   local state, number = unpack(redis.call('HMGET', job_key(id), 'state', 'number'))
   if not state or Job.is_open(id) then return {outcome = 'illegal', state = state or 'missing'} end
   local was_deleted = redis.call('HEXISTS', job_key(id, 'sealed'), 'deleted_at') == 1
-  if was_deleted == it.deleted then return {outcome = 'done'} end
+  if was_deleted == it.deleted then return {outcome = 'changed'} end
   if it.deleted then
     Job.leave_batch(id)
     redis.call('ZADD', DELETED, number, id)
@@ -15,5 +15,5 @@ function for_farm.set_deleted(it)
     redis.call('ZREM', DELETED, id)
     redis.call('HDEL', job_key(id, 'sealed'), 'deleted_at')
   end
-  return {outcome = 'done'}
+  return {outcome = 'changed'}
 end

@@ -26,6 +26,8 @@ export class CurveChart {
   #plots = [];
   /** @type {number | null} */
   #at = null;
+  /** The point that a key has selected. @type {number | null} */
+  #walked = null;
   /** @type {Panels} */
   #panels = [];
   #readout = h("p", { class: "readout" });
@@ -41,6 +43,7 @@ export class CurveChart {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right select a point.",
       onkeydown: (event) => this.#key(event),
+      onpointermove: () => (this.#walked = null),
     });
     this.#full = h("div", { hidden: true },
       h("label", { class: "toggle" }, this.#logX, "Logarithmic spp"),
@@ -153,6 +156,7 @@ export class CurveChart {
       plot.setData(this.#data(this.#panels[index]), false);
       plot.setScale("x", range);
     }));
+    if (this.#walked != null) this.#walk(this.#walked);
   }
 
   #whole() {
@@ -192,21 +196,26 @@ export class CurveChart {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const last = this.#points.length - 1;
     const step = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
-    if (step) this.#walk(Math.min(last, Math.max(0, (this.#at ?? (step > 0 ? -1 : last + 1)) + step)));
-    else if (event.key === "Home") this.#walk(0);
-    else if (event.key === "End") this.#walk(last);
+    if (step) this.#go(Math.min(last, Math.max(0, (this.#at ?? (step > 0 ? -1 : last + 1)) + step)));
+    else if (event.key === "Home") this.#go(0);
+    else if (event.key === "End") this.#go(last);
     else return;
     event.preventDefault();
   }
 
   /** @param {number} index */
+  #go(index) {
+    this.#walk(index);
+    say(told(this.#points[index]));
+  }
+
+  /** @param {number} index */
   #walk(index) {
-    const point = this.#points[index];
+    const point = this.#points[(this.#walked = index)];
     for (const plot of this.#plots) {
       const top = plot.valToPos(point.visible_pixels, "y");
       plot.setCursor({ left: plot.valToPos(point.spp, "x"), top: Number.isFinite(top) ? top : 0 }, false);
     }
     this.#read(index);
-    say(told(point));
   }
 }

@@ -53,7 +53,7 @@ class Panel {
 
 /** The pixels that have changed since the first image, and the slope of the last window. */
 export class ChangedPanel extends Panel {
-  #slope = h("span", { class: "slope" });
+  #slope = h("span");
 
   constructor() {
     super(false);
@@ -96,7 +96,7 @@ export class ChangedPanel extends Panel {
 
 /** The noise left, its band, and the target. */
 export class NoiseLeftPanel extends Panel {
-  #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
+  #undenoised = h("span", { hidden: true }, "; dashed: without denoising");
 
   constructor() {
     super(true);

@@ -1,6 +1,6 @@
 // The choice of two images to compare: points of the curve of a job that have a picture, beside those of it or of another job.
 
-import { get } from "../../shared/api.js";
+import { get, isProblem } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { comparisonOf, WITH } from "../../shared/job_summary.js";
@@ -17,6 +17,7 @@ class Side {
   /** @type {Api.JobView | null} */
   job = null;
   select;
+  #listed = "";
 
   /** @param {() => unknown} choose */
   constructor(choose) {
@@ -32,6 +33,9 @@ class Side {
   async list(job, signal, isFirst) {
     /** @type {Api.PreviewList} */
     const { previews } = await get(job.links.previews, signal);
+    const listed = JSON.stringify([job.id, job.finished_at, previews]);
+    if (listed === this.#listed) return;  // one that is open stays open
+    this.#listed = listed;
     const value = this.select.value || String(isFirst && previews.length ? previews[0].spp : NEWEST);
     this.job = job;
     this.previews = previews;
@@ -47,12 +51,13 @@ class Side {
     if (!job) return [];
     const preview = this.previews.find(({ spp }) => String(spp) === this.select.value);
     if (!preview) return [newestOf(job)];
-    const name = `${whole(preview.spp)} spp`;
-    return [{ name, png: preview.link }];
+    return [{ name: `${whole(preview.spp)} spp`, png: preview.link }];
   }
 }
 
 export class Comparison {
+  /** Whether the other job will not change, or there is none. */
+  isFinal = false;
   #left;
   #right;
   #wiped;
@@ -120,11 +125,15 @@ export class Comparison {
   async list(job, points) {
     const wanted = otherAsked();
     /** @type {Api.JobView | null} */
-    const found = wanted ? await get(`/v1/jobs/${encodeURIComponent(wanted)}`, this.#signal).catch(() => null) : null;
+    const found = wanted ? await get(`/v1/jobs/${encodeURIComponent(wanted)}`, this.#signal).catch((error) => {
+      if (!isProblem(error, "unknown-job")) throw error;
+      return null;
+    }) : null;
     const other = found && comparisonOf(job, found) ? found : null;
     await Promise.all([this.#left.list(job, this.#signal, !other), this.#right.list(other ?? job, this.#signal, false)]);
     const refused = wanted && !other ? `Job ${wanted} has no image of ${job.width} × ${job.height} pixels to compare. ` : "";
     setText(this.#hint, refused + kept(this.#left.previews, points));
+    this.isFinal = !found || Boolean(found.finished_at);
   }
 }
 

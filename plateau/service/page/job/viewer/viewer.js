@@ -117,9 +117,12 @@ export class Viewer {
     const [least, most] = [job.spp_min ?? job.spp, job.spp_max ?? job.spp];
     this.#scales.samples.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
     for (const [mode, { offered }] of Object.entries(MAPS)) this.#modes.get(mode)?.toggleAttribute("hidden", Boolean(offered && !offered(job)));
-    this.element.toggleAttribute("data-empty", !job.image_spp);
-    if (!job.image_spp) {
-      setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
+    const isShown = Boolean(job.image_spp && job.spec.pictures);
+    this.element.toggleAttribute("data-empty", !isShown);
+    if (!isShown) {
+      setText(this.#nothing, job.finished_at && !job.image_spp ? "The job ended without an image."
+        : job.spec.pictures ? "Its first image comes with its first samples."
+          : "The job makes no pictures; at its end, image.exr has its image.");
       return;
     }
     if (this.#busy) return;
@@ -141,7 +144,7 @@ export class Viewer {
    */
   async #look(job) {
     const stamp = `${job.points} ${job.finished_at ?? ""}`;
-    if (this.#mode === "compare" && stamp !== this.#listed) {
+    if (this.#mode === "compare" && (stamp !== this.#listed || !this.#compare.isFinal)) {
       await this.#compare.list(job, this.#points);
       this.#listed = stamp;
     }
@@ -156,7 +159,7 @@ export class Viewer {
     this.#stage.element.hidden = false;
     this.#stage.fit(this.#lower.image.naturalWidth, this.#lower.image.naturalHeight);
     this.#lower.image.alt = `The image of ${job.name} at ${whole(this.#lower.picture.spp ?? job.spp)} spp`;
-    this.#upper.image.alt = this.#mode === "compare" ? `The same at ${whole(this.#upper.picture.spp ?? job.spp)} spp, at the right` : "";
+    this.#upper.image.alt = mode === "compare" && over?.name ? `${over.name}, at the right` : "";
     this.#layers();
     this.#words();
   }
@@ -189,7 +192,7 @@ export class Viewer {
 
   /** Shows what was just chosen, even while a fetch for the previous choice is under way. */
   async #choose() {
-    if (!this.#job?.image_spp) return;
+    if (!this.#job?.image_spp || !this.#job.spec.pictures) return;
     try {
       await this.#look(this.#job);
     } catch (error) {

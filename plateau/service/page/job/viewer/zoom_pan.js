@@ -87,7 +87,7 @@ export class Stage {
   #set(scale, at = MIDDLE) {
     const { clientWidth: width, clientHeight: height, scrollLeft, scrollTop } = this.#frame;
     const grown = scale / this.#scale;
-    this.#scale = scale;
+    this.#scale = Math.abs(scale - 1) < 1e-6 ? 1 : scale;  // and then the wheel scrolls the page
     this.#sheet.style.width = `${100 * scale}%`;
     this.#frame.classList.toggle("zoomed", scale > 1);
     this.#frame.scrollTo((scrollLeft + at.x * width) * grown - at.x * width, (scrollTop + at.y * height) * grown - at.y * height);
@@ -159,7 +159,7 @@ export class Stage {
     else if (event.key === "-") this.#zoom(1 / 1.5);
     else if (event.key === "0") this.#set(1);
     else if (event.key === "1") this.#set(this.#ownScale());
-    else if (event.key === "f") this.#listener.flip();
+    else if (event.key.toLowerCase() === "f") this.#listener.flip();
     else return; // arrows scroll
     event.preventDefault();
   }
