@@ -51,8 +51,8 @@ _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _MOST_LACKS: Final = 60  #: turns without memory or a process, in a row: some ten minutes
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
-_PIXEL: Final = 280  #: bytes for each pixel of the job whose turn it is
-_PIXEL_OF_SUMS: Final = 120  #: and those of its sums, which it holds between its turns
+#: Bytes for each pixel of the job whose turn it is: whole frames, what a quality adds, and zones.
+_FRAME, _QUALITY, _ZONES = 300, 110, 560
 
 
 class Monitor:
@@ -305,7 +305,8 @@ def _check_memory(job: Job, *, has_sums: bool) -> None:
     """Raise `MemoryError` where the kernel would end this process for the job's film."""
     if job.width is None or job.height is None or not job.committed_spp:
         return
-    needed = (_PIXEL - _PIXEL_OF_SUMS * has_sums) * job.width * job.height
+    bytes_of_one = _ZONES if job.spec.by_zones else _FRAME + _QUALITY * job.spec.by_quality
+    needed = bytes_of_one * job.width * job.height // (1 + has_sums)  # half of it at most is held
     if needed > (left := memory_left()):
         raise MemoryError(
             f"{job.width}×{job.height} pixels take {needed / 1e9:.1f} GB, and this monitor, which "

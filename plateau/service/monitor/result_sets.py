@@ -4,6 +4,7 @@ import hashlib
 import logging
 from dataclasses import replace
 from functools import partial
+from typing import Final
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
@@ -13,6 +14,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.farm.process.memory import memory_left
 from plateau.picture.denoised import Denoised
 from plateau.picture.facts import Facts, facts_of
 from plateau.picture.judge import Judge
@@ -21,6 +23,8 @@ from plateau.picture.previews import Previews
 from plateau.picture.result_files import NoiseMaps, result_files
 
 _LOG = logging.getLogger(__name__)
+
+_MOST_OF_A_GLIMPSE: Final = 20  #: bytes of memory that showing it takes, for each of its blob
 
 
 class ResultSets:
@@ -49,7 +53,10 @@ class ResultSets:
         try:
             if not blobs.is_partial(blob):
                 raise CorruptPartial(f"{blob!r} is no partial's name")
-            partial = decode_partial(self._blobs.get(blob))
+            content = self._blobs.get(blob)
+            if _MOST_OF_A_GLIMPSE * len(content) > memory_left():
+                return 0
+            partial = decode_partial(content)
             if not 0 < partial.spp < self._spec.slice_spp:
                 raise CorruptPartial(f"a first pass of {partial.spp} spp")
         except (FileNotFoundError, CorruptPartial) as error:

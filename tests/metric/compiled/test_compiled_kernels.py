@@ -11,6 +11,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import plateau.metric.compiled
 from plateau.metric import kernel_cache
@@ -58,13 +59,13 @@ LOOPS = [
 
 
 def argument_type(annotation):
-    if annotation == "int":
+    if annotation is int:
         return numba.int64
-    if annotation == "np.float32":
+    if annotation is np.float32:
         return numba.float32
-    if annotation == "_Row":
+    if annotation == tuple[np.float32, np.float32, np.float32]:
         return numba.types.UniTuple(numba.float32, 3)
-    dtypes = {"NDArray[np.bool_]": numba.boolean, "NDArray[np.uint8]": numba.uint8}
+    dtypes = {NDArray[np.bool_]: numba.boolean, NDArray[np.uint8]: numba.uint8}
     return dtypes.get(annotation, numba.float32)[::1]
 
 

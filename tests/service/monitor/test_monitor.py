@@ -128,7 +128,7 @@ def test_a_moment_without_memory_costs_no_job(
 def test_a_film_for_which_memory_has_no_room_ends_its_job_and_no_monitor(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    needed = 280 * 32 * 24
+    needed = 300 * 32 * 24
     monkeypatch.setattr(monitor, "_MOST_LACKS", 2)
     with farm.monitor():
         monkeypatch.setattr(monitor, "memory_left", lambda: needed - 1)

@@ -12,12 +12,12 @@ import socket
 import sys
 import time
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from plateau.farm.bundle import BundleError, BundleLimits, inspect_each
 from plateau.farm.process.child import parent, read_part, write_part
 from plateau.farm.process.lifecycle import limit
+from plateau.farm.process.memory import resident_bytes
 
 #: A second bound beside that of written memory: libraries are mapped, and more is reserved.
 _ADDRESS_SPACE_BYTES: Final = 2**30
@@ -25,7 +25,6 @@ _ADDRESS_SPACE_BYTES: Final = 2**30
 _OPEN_FILES: Final = 32
 #: A process with more resident memory after a check ends, and the next check gets a new one.
 _KEEP_BYTES: Final = 96 * 2**20
-_RESIDENT: Final = Path("/proc/self/statm")
 
 
 def main() -> None:
@@ -39,7 +38,7 @@ def main() -> None:
         while files := socket.recv_fds(link, 1, 1)[1]:  # none once the API has ended
             with os.fdopen(files[0], "rb") as upload:
                 answer = _answer(upload, json.loads(read_part(questions)))
-            answer["is_last"] = _resident_bytes() > _KEEP_BYTES
+            answer["is_last"] = resident_bytes() > _KEEP_BYTES
             write_part(answers, json.dumps(answer).encode())
             answers.flush()
             if answer["is_last"]:
@@ -63,7 +62,7 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
             _limit_cpu(question["cpu_s"])
     except BundleError as error:
         answer["error"] = error.to_tell()
-    except MemoryError:
+    except (MemoryError, SystemError):  # C code that lacks memory may not say what it lacks
         answer["out_of_memory"] = True
     return answer
 
@@ -72,13 +71,6 @@ def _limit_cpu(more_s: float) -> None:
     """Let the process take so much more CPU time."""
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + more_s), hard))
-
-
-def _resident_bytes() -> int:
-    """The process's resident memory; 0 if the system does not tell."""
-    if not _RESIDENT.exists():
-        return 0
-    return int(_RESIDENT.read_text(encoding="utf-8").split()[1]) * resource.getpagesize()
 
 
 if __name__ == "__main__":
