@@ -69,8 +69,9 @@ def test_a_store_that_fails_costs_no_lease(
 def _wait_for_renewals(farm: FaultyFarm) -> bool:
     """Whether something was left to be renewed."""
     later = farm.jobs.now_ms() + 5000
-    until(lambda: min(_times(farm, keys.WORKERS), default=0) > later)
-    until(lambda: min(_times(farm, keys.LEASES), default=later + 1) > later)
+    until(lambda: min(_times(farm, keys.WORKERS), default=0) > later, 45)
+    # Before the first lease could have run out
+    until(lambda: min(_times(farm, keys.LEASES), default=later + 1) > later, 45)
     return bool(_times(farm, keys.LEASES))
 
 

@@ -237,7 +237,7 @@ def test_one_too_large_for_the_machine_fails_in_words(
     monkeypatch.setattr(process, "memory_bytes", lambda: 10**6)
     done = finished(farm, **JOB)
     assert done.state is JobState.FAILED
-    assert "take 0.1 GB of memory to denoise, and the monitor's machine has 0.0 GB" in done.reason
+    assert "take 0.1 GB of memory to denoise, and the monitor may have 0.0 GB" in done.reason
     # And what there is of it is delivered as it is
     assert "denoised.weight" not in layers(farm, done)
     # So does one where there is no denoiser

@@ -73,9 +73,6 @@ class XmlCost(NamedTuple):
         return XmlCost(*(now - then for now, then in zip(self, before, strict=True)))
 
 
-NOTHING = XmlCost(0, 0, 0)
-
-
 class XmlBudget:
     """How much may still be spent on reading one scene.
 

@@ -50,7 +50,7 @@ class Denoising:
         if needed > here:
             raise TooLarge(
                 f"{width}×{height} pixels take {needed / 1e9:.1f} GB of memory to denoise, and the "
-                f"monitor's machine has {here / 1e9:.1f} GB"
+                f"monitor may have {here / 1e9:.1f} GB"
             )
         future = self._thread.submit(self._run, task)
         self._jobs[future] = job_id

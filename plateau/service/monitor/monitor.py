@@ -51,8 +51,9 @@ _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _MOST_LACKS: Final = 60  #: turns without memory or a process, in a row: some ten minutes
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
-#: Bytes for each pixel of the job whose turn it is: whole frames, what a quality adds, and zones.
-_FRAME, _QUALITY, _ZONES = 300, 110, 560
+#: Bytes for each pixel of the job whose turn it is: by frame, what a quality adds, by zones, and
+#: for each AOV of three channels.
+_FRAME, _QUALITY, _ZONES, _AOV = 300, 110, 560, 24
 
 
 class Monitor:
@@ -218,7 +219,8 @@ class Monitor:
             job, run = self._jobs.get(owned.job_id), self._runs.get(owned.job_id)
             if run is None and self._is_waiting(job):
                 return False
-            _check_memory(job, has_sums=run is not None and run.has_sums)
+            is_alone = self._runs.keys() <= {job.id}
+            _check_memory(job, has_sums=run is not None and run.has_sums, is_alone=is_alone)
             if run is None:
                 run = JobRun(owned, job, *self._of_runs, keeps_sums=self._keeps_sums)
                 self._runs[owned.job_id] = run
@@ -230,7 +232,7 @@ class Monitor:
         except FenceLost as lost:
             _LOG.warning("%s", lost)
             return True
-        except (Incompatible, StoreUnavailable):
+        except (Incompatible, StoreUnavailable, NoRoom):
             raise
         except JobNotFound as gone:
             return give_up(owned, self._owners, str(gone))
@@ -301,14 +303,23 @@ def run(settings: Settings, stop: Stop) -> None:
         monitor.run(stop)
 
 
-def _check_memory(job: Job, *, has_sums: bool) -> None:
-    """Raise `MemoryError` where the kernel would end this process for the job's film."""
+class NoRoom(MemoryError):
+    """Other jobs have the memory that this one needs for its turn."""
+
+
+def _check_memory(job: Job, *, has_sums: bool, is_alone: bool) -> None:
+    """Raise `MemoryError` where the kernel would end this process for the job's film.
+
+    It is `NoRoom` where there will be memory once other jobs have ended.
+    """
     if job.width is None or job.height is None or not job.committed_spp:
         return
     bytes_of_one = _ZONES if job.spec.by_zones else _FRAME + _QUALITY * job.spec.by_quality
+    bytes_of_one += _AOV * len(job.spec.aovs)
     needed = bytes_of_one * job.width * job.height // (1 + has_sums)  # half of it at most is held
     if needed > (left := memory_left()):
-        raise MemoryError(
+        lack = MemoryError if is_alone or needed > memory_bytes() else NoRoom
+        raise lack(
             f"{job.width}×{job.height} pixels take {needed / 1e9:.1f} GB, and this monitor, which "
             f"may have {memory_bytes() / 1e9:.1f} GB, has {max(left, 0) / 1e9:.1f} GB left"
         )

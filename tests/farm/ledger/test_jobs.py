@@ -3,10 +3,12 @@
 import redis
 
 from plateau.farm.ledger.jobs import Created, Jobs
+from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
+from tests.support.farms.ledger_farm import own
 from tests.support.farms.staged_job import StagedJob
 
 
@@ -22,6 +24,14 @@ def test_queued_jobs_have_places_by_priority_and_then_by_age(
     StagedJob(client, create(jobs, priority=10)).commit()  # which is rendering
     jobs.cancel(ended)
     assert jobs.places() == {urgent: 1, first: 2, second: 3, last: 4}
+
+
+def test_a_job_has_one_owner_at_a_time(jobs: Jobs, client: redis.Redis) -> None:
+    owners = Ownerships(client, lease_s=60)
+    owned = own(owners, create(jobs))
+    assert owners.acquire(owned.job_id) is None
+    owners.disown((owned,))
+    assert owners.acquire(owned.job_id) is not None
 
 
 def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(

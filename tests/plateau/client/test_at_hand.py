@@ -14,6 +14,7 @@ import plateau.errors
 from plateau import ApiError, BadId, Client, ClientError, FixedSpec, TimedOut, Unreachable
 from plateau.client import BadUrl, InvalidSpec, NoImageYet, UnknownJob, UnknownScene
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.notice import NoticeSpec
 from tests.support.farms.staged_job import StagedJob
 
 
@@ -25,6 +26,9 @@ class TestScenes:
 
         assert plateau.submit(str(scenes.FOLDER / "box")).scene_sha256 == job.scene_sha256
         assert plateau.submit(job.scene_sha256).scene_sha256 == job.scene_sha256
+        # With a key of its own, a request makes one job
+        once = [plateau.submit("scenes:box", idempotency_key="once").id for _ in range(2)]
+        assert once[0] == once[1] != job.id
 
     def test_fields_replace_those_of_a_spec(self, plateau: Client) -> None:
         spec = JobSpec(max_spp=200, seed=1)
@@ -85,6 +89,11 @@ def test_a_job_is_rendered_again_by_part_of_its_id(plateau: Client, client: redi
     assert again.again.of == job
     same = plateau.again(job, idempotency_key="k", after=[other], rule=FixedSpec(spp=9))
     assert same.id == again.id
+    # A notice has its secret, though no answer shows it
+    notice = NoticeSpec(url="https://studio.example/x", secret="whsec_" + 32 * "A")
+    assert plateau.again(job, notice=notice).spec.notice.receivers == (
+        "https://studio.example:443",
+    )
 
 
 def test_a_job_comes_after_others_by_their_first_letters(

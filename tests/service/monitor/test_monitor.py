@@ -139,6 +139,39 @@ def test_a_film_for_which_memory_has_no_room_ends_its_job_and_no_monitor(
         assert farm.finish(farm.submit(**QUICK)).state is JobState.CONVERGED
 
 
+FRAME = {"allocation": {"name": "frame"}}
+
+
+@pytest.mark.parametrize(
+    ("spec", "has_sums", "bytes_of_one"),
+    [
+        ({**FRAME, "rule": "visible"}, False, 300),
+        ({**FRAME, "rule": "jod"}, False, 410),
+        ({**FRAME, "rule": "jod", "aovs": ["depth"]}, False, 434),
+        ({"allocation": {"name": "zones"}, "rule": "jod"}, False, 560),
+        ({"allocation": {"name": "zones"}, "rule": "jod"}, True, 280),
+    ],
+)
+def test_a_film_waits_for_the_memory_that_others_have(
+    farm: NoiseFarm,
+    monkeypatch: pytest.MonkeyPatch,
+    spec: dict[str, Any],
+    has_sums: bool,
+    bytes_of_one: int,
+) -> None:
+    film = {"width": 10, "height": 10, "committed_spp": 1}
+    job = farm.submit(**spec).model_copy(update=film)
+    left = 100 * bytes_of_one
+    monkeypatch.setattr(monitor, "memory_left", lambda: left)
+    for is_alone in (False, True):
+        monitor._check_memory(job, has_sums=has_sums, is_alone=is_alone)
+    left -= 1
+    for is_alone, lack in ((False, monitor.NoRoom), (True, MemoryError)):
+        with pytest.raises(MemoryError) as found:
+            monitor._check_memory(job, has_sums=has_sums, is_alone=is_alone)
+        assert found.type is lack
+
+
 def spoil(farm: NoiseFarm, lease: Lease) -> None:
     """Change a byte of a committed partial."""
     blob = farm.jobs.ledger(lease.job_id)[lease.index]["blob"]

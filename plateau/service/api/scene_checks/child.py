@@ -38,7 +38,7 @@ def main() -> None:
         while files := socket.recv_fds(link, 1, 1)[1]:  # none once the API has ended
             with os.fdopen(files[0], "rb") as upload:
                 answer = _answer(upload, json.loads(read_part(questions)))
-            answer["is_last"] = resident_bytes() > _KEEP_BYTES
+            answer["is_last"] = "out_of_memory" in answer or resident_bytes() > _KEEP_BYTES
             write_part(answers, json.dumps(answer).encode())
             answers.flush()
             if answer["is_last"]:

@@ -25,8 +25,15 @@ export function sleep(ms, signal) {
 export async function whileHidden(ms, signal) {
   if (!document.hidden) return;
   const seen = new AbortController();
-  document.addEventListener("visibilitychange", () => seen.abort(), { once: true, signal });
-  await sleep(ms, AbortSignal.any([signal, seen.signal])).catch(() => signal.throwIfAborted());
+  const note = () => seen.abort();
+  document.addEventListener("visibilitychange", note);
+  try {
+    await sleep(ms, AbortSignal.any([signal, seen.signal]));
+  } catch {
+    signal.throwIfAborted();
+  } finally {
+    document.removeEventListener("visibilitychange", note);
+  }
 }
 
 /**
