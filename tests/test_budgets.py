@@ -1,6 +1,6 @@
 """Plateau stays small enough for one head: how much there may be of each of its parts.
 
-A figure with an aim below it is what there was on 2026-11-27: it may only fall. Who raises one
+A figure with an aim beside it is what there was on 2026-11-30: it may only fall. Who raises one
 writes a dated decision that names the user who needs it, and what goes instead.
 """
 
@@ -51,11 +51,11 @@ def within(found: Counter[str], most: int) -> None:
 @pytest.mark.parametrize(
     ("folders", "kinds", "most"),
     [
-        (("plateau",), CODE, 61_250),  # the aim: 60,000
+        (("plateau",), CODE, 61_140),  # the aim: 60,000
         (EXTENSIONS, CODE, 5_000),
         (("bench",), CODE, 4_130),  # the aim: 4,000
         (("bench",), (".json", ".csv"), 5_000),
-        (("tests",), CODE, 51_250),  # the aim: 46,000
+        (("tests",), CODE, 51_180),  # the aim: 46,000
         (("plateau/farm/redis/lua",), (".lua",), 1_800),
     ],
     ids=["core", "extensions", "bench", "results of bench", "tests", "Lua"],
