@@ -5,6 +5,9 @@ from typing import NoReturn
 
 import pytest
 
+#: Of a test that looks into a process which has shut its memory.
+of_root = pytest.mark.skipif(os.geteuid() != 0, reason="root alone may look into the process")
+
 
 def missing(message: str) -> NoReturn:
     """Skip the test, which says what to install; in CI, where nothing may be skipped, fail it."""

@@ -20,6 +20,7 @@ from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor import child_start
 from plateau.worker.supervisor.child_process import ChildDied, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
+from tests.support.missing import of_root
 from tests.support.variants import VARIANTS, library_for
 
 BOX = Path(__file__).parents[3] / "plateau" / "scenes" / "box"
@@ -45,6 +46,7 @@ def child(tmp_path: Path) -> Iterator[Start]:
         yield start
 
 
+@of_root
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_confined_child_renders(child: Start, variant: str, tmp_path: Path) -> None:
     confined = child(variant)
@@ -98,6 +100,7 @@ def test_the_oldest_compiled_kernels_make_room(
     assert {path.name for path in kernels.glob("*.bin")} == {"0.bin", "1.bin"}
 
 
+@of_root
 def test_the_kernel_shows_no_secret_of_a_child(
     child: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:

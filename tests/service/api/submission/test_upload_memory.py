@@ -17,6 +17,7 @@ from plateau.farm.blobs import names as blobs
 from plateau.service.api.process import spool_in
 from tests.support import long_tests
 from tests.support.farms.real_farm import RealFarm
+from tests.support.missing import of_root
 from tests.support.threads import beside
 
 MEGABYTES = 2000 if long_tests.WANTED else 150
@@ -51,6 +52,7 @@ def open_without_a_name(pid: int) -> set[Path]:
     return folders
 
 
+@of_root
 @pytest.mark.timeout(1200)
 def test_a_big_bundle_is_never_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TMPDIR", raising=False)
