@@ -55,7 +55,7 @@ def within(found: Counter[str], most: int) -> None:
         (EXTENSIONS, CODE, 5_000),
         (("bench",), CODE, 4_130),  # the aim: 4,000
         (("bench",), (".json", ".csv"), 5_000),
-        (("tests",), CODE, 51_180),  # the aim: 46,000
+        (("tests",), CODE, 51_160),  # the aim: 46,000
         (("plateau/farm/redis/lua",), (".lua",), 1_800),
     ],
     ids=["core", "extensions", "bench", "results of bench", "tests", "Lua"],

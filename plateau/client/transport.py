@@ -152,7 +152,9 @@ class Transport:
         """
         path = self._with_whole_id(path)
         if "json" in arguments:
-            arguments["json"] = _plain(arguments["json"])
+            # Numbers of numpy are numbers, and parts of a spec objects.
+            plain = to_jsonable_python(arguments["json"], fallback=lambda one: one.item())
+            arguments["json"] = plain
         patience = Patience(self)
         while True:
             try:
@@ -243,11 +245,6 @@ def _trusted(url: str) -> ssl.SSLContext | bool:
     Plain HTTP needs none, since redirects are not followed; to read them would take 40 ms.
     """
     return ssl.create_default_context() if httpx.URL(url).scheme == "https" else False
-
-
-def _plain(value: Any) -> Any:
-    """JSON in which numbers of numpy are numbers, and parts of a spec objects."""
-    return to_jsonable_python(value, fallback=lambda one: one.item())
 
 
 def _seconds(header: str | None) -> float:

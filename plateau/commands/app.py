@@ -10,6 +10,7 @@ import typer
 import typer.core
 
 from plateau.errors import EXPECTED, ExitCode, OtherVersion, needs, tell
+from plateau.farm.model.errors import Incompatible
 
 _HELP = """
 Render Mitsuba 3 scenes until more samples make no difference that a person could see.
@@ -111,8 +112,6 @@ class Command(typer.core.TyperCommand):
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
             raise typer.Exit(ExitCode.FAILED) from None
         except EXPECTED as error:
-            from plateau.farm.model.errors import Incompatible
-
             tell(_in_words(error))
             misfit = isinstance(error, Incompatible | OtherVersion)
             raise typer.Exit(ExitCode.INCOMPATIBLE if misfit else ExitCode.FAILED) from None

@@ -54,6 +54,7 @@ class AnalyticScene:
 
 
 _FIELDS: Final = {one.name: type(one.default) for one in fields(AnalyticScene)}
+_KNOWN: Final = f"an analytic scene has {', '.join(_FIELDS)}"
 
 
 def read_analytic_scene(
@@ -74,12 +75,12 @@ def read_analytic_scene(
         )
     for name in stated:
         if name not in _FIELDS:
-            raise BundleError("analytic-field", f"there is no field {shown(name)}; {_known()}")
+            raise BundleError("analytic-field", f"there is no field {shown(name)}; {_KNOWN}")
     own = _scene(stated, limits)
     for name in parameters:
         if name not in _FIELDS:
             raise BundleError(
-                "unknown-parameter", f"the scene does not use a parameter {shown(name)}; {_known()}"
+                "unknown-parameter", f"the scene does not use a parameter {shown(name)}; {_KNOWN}"
             )
     given = {name: _from_text(name, text) for name, text in parameters.items()}
     return _scene({**stated, **given}, limits), own.as_text()
@@ -164,7 +165,3 @@ _WANTED: Final = {
     "additive": "must be true or false",
     "alpha": "must be true or false",
 }
-
-
-def _known() -> str:
-    return f"an analytic scene has {', '.join(_FIELDS)}"

@@ -15,8 +15,9 @@ from typing import Final
 
 from plateau.farm.ledger import costs, records
 from plateau.farm.ledger.workers import ALIVE_S
-from plateau.farm.model.fit import ANY, class_of_worker, parts_of
+from plateau.farm.model.fit import class_of_worker, parts_of
 from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.renderers import AUTO
 from plateau.farm.model.states import JobState
 from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
@@ -110,7 +111,7 @@ class Census:
         def suits(needed: str) -> bool:
             variant, in_pool, required = parts_of(needed)
             return (
-                (not variants or variant == ANY or variant in variants)
+                (not variants or variant == AUTO or variant in variants)
                 and pool in (None, in_pool)
                 and (tags is None or required <= set(tags))
             )
@@ -163,7 +164,7 @@ def take_census(client: RedisClient) -> Census:
         if job["state"] not in _OPEN:
             continue
         states[job["state"]] += 1
-        wanted = f"{job['variant'] or job['asked_variant'] or ANY} {job['need'] or DEFAULT_POOL}"
+        wanted = f"{job['variant'] or job['asked_variant'] or AUTO} {job['need'] or DEFAULT_POOL}"
         may_begin = job["state"] != "paused" and not job["held"] and not job["awaits"]
         with records.leaving_out_unreadable(), records.reading(job_id):
             if may_begin and all(job_id in one.left_out_of for one in suited(wanted)):

@@ -7,15 +7,12 @@ Redis has both sides as text, so that a lease compares strings: see
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
 
 from plateau.farm.model.job import Job
 from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.renderers import AUTO
 from plateau.farm.model.spec import SharedSpec
 from plateau.farm.model.worker import Worker
-
-#: The variant of a job that is not pinned to one yet.
-ANY: Final = "auto"
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class WorkerClass:
             self.pool == pool
             and tags <= set(self.tags)
             and bool(self.variants)
-            and (variant == ANY or variant in self.variants)
+            and (variant == AUTO or variant in self.variants)
         )
 
 
@@ -97,7 +94,7 @@ def waits_for(job: Job, crew: Crew) -> str | None:
         return None
     variant = job.variant or job.spec.variant
     wanted = [
-        "" if variant == ANY else f"that renders {variant}",
+        "" if variant == AUTO else f"that renders {variant}",
         "" if job.spec.pool == DEFAULT_POOL else f"in pool {job.spec.pool}",
         f"with tags {', '.join(job.spec.requires)}" if job.spec.requires else "",
         "that is not left out of it" if crew.left_out(job) else "",

@@ -68,14 +68,6 @@ POINT: Final[dict[str, Any]] = {
     },
 }
 
-CURVE_CSV: Final = (
-    "spp,visible_pixels,visible_fraction,slope,estimate_pixels,estimate_fraction,"
-    "estimate_low_pixels,estimate_high_pixels,"
-    "expected_spp,non_finite_pixels,at,jod_value,jod_stop,reverse_value,reverse_stop\n"
-    "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,0,"
-    "2026-11-21T08:12:12.826000+00:00,9.21,false,0.42,false\n"
-)
-
 EVENT_STREAM: Final = (
     "retry: 1000\n\n"
     f"id: {EVENT_ID}\n"

@@ -29,7 +29,6 @@ from plateau.farm.process import log
 from plateau.farm.process.child import HANGS
 from plateau.farm.process.hang import Hang
 from plateau.farm.process.lifecycle import process_id, show_life
-from plateau.farm.process.memory import memory_bytes, memory_left
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.waits import Backoff, Stop
 from plateau.farm.redis import keys
@@ -40,6 +39,7 @@ from plateau.picture.judge import warm_up
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.notifier.notifier import notifying
 from plateau.service.monitor.notifier.troubles import telling_troubles
+from plateau.service.monitor.room import NoRoom, check_room
 from plateau.service.monitor.shots.tending import Tending
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
@@ -51,9 +51,6 @@ _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _MOST_LACKS: Final = 60  #: turns without memory or a process, in a row: some ten minutes
 _DENOISED_S: Final = 0.1  #: between two checks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
-#: Bytes for each pixel of the job whose turn it is: by frame, what a quality adds, by zones, and
-#: for each AOV of three channels.
-_FRAME, _QUALITY, _ZONES, _AOV = 300, 110, 560, 24
 
 
 class Monitor:
@@ -220,7 +217,7 @@ class Monitor:
             if run is None and self._is_waiting(job):
                 return False
             is_alone = self._runs.keys() <= {job.id}
-            _check_memory(job, has_sums=run is not None and run.has_sums, is_alone=is_alone)
+            check_room(job, has_sums=run is not None and run.has_sums, is_alone=is_alone)
             if run is None:
                 run = JobRun(owned, job, *self._of_runs, keeps_sums=self._keeps_sums)
                 self._runs[owned.job_id] = run
@@ -301,25 +298,3 @@ def run(settings: Settings, stop: Stop) -> None:
     telling = telling_troubles(settings, store, read_targets(settings))
     with sweeping(settings, store), notifying(settings, store), telling:
         monitor.run(stop)
-
-
-class NoRoom(MemoryError):
-    """Other jobs have the memory that this one needs for its turn."""
-
-
-def _check_memory(job: Job, *, has_sums: bool, is_alone: bool) -> None:
-    """Raise `MemoryError` where the kernel would end this process for the job's film.
-
-    It is `NoRoom` where there will be memory once other jobs have ended.
-    """
-    if job.width is None or job.height is None or not job.committed_spp:
-        return
-    bytes_of_one = _ZONES if job.spec.by_zones else _FRAME + _QUALITY * job.spec.by_quality
-    bytes_of_one += _AOV * len(job.spec.aovs)
-    needed = bytes_of_one * job.width * job.height // (1 + has_sums)  # half of it at most is held
-    if needed > (left := memory_left()):
-        lack = MemoryError if is_alone or needed > memory_bytes() else NoRoom
-        raise lack(
-            f"{job.width}×{job.height} pixels take {needed / 1e9:.1f} GB, and this monitor, which "
-            f"may have {memory_bytes() / 1e9:.1f} GB, has {max(left, 0) / 1e9:.1f} GB left"
-        )

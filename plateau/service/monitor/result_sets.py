@@ -4,7 +4,6 @@ import hashlib
 import logging
 from dataclasses import replace
 from functools import partial
-from typing import Final
 
 from plateau.farm.blobs import names as blobs
 from plateau.farm.blobs.store import Blobs
@@ -14,17 +13,15 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.process.memory import memory_left
 from plateau.picture.denoised import Denoised
 from plateau.picture.facts import Facts, facts_of
 from plateau.picture.judge import Judge
 from plateau.picture.merge import Merge
 from plateau.picture.previews import Previews
 from plateau.picture.result_files import NoiseMaps, result_files
+from plateau.service.monitor.room import has_room_to_show
 
 _LOG = logging.getLogger(__name__)
-
-_MOST_OF_A_GLIMPSE: Final = 20  #: bytes of memory that showing it takes, for each of its blob
 
 
 class ResultSets:
@@ -54,19 +51,19 @@ class ResultSets:
             if not blobs.is_partial(blob):
                 raise CorruptPartial(f"{blob!r} is no partial's name")
             content = self._blobs.get(blob)
-            if _MOST_OF_A_GLIMPSE * len(content) > memory_left():
+            if not has_room_to_show(content):
                 return 0
-            partial = decode_partial(content)
-            if not 0 < partial.spp < self._spec.slice_spp:
-                raise CorruptPartial(f"a first pass of {partial.spp} spp")
+            first = decode_partial(content)
+            if not 0 < first.spp < self._spec.slice_spp:
+                raise CorruptPartial(f"a first pass of {first.spp} spp")
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the first pass cannot be shown: %s", error)
             return 0
-        glimpse = replace(Merge.of(self._spec), slice_spp=partial.spp)
-        glimpse.add_partial(partial)
+        glimpse = replace(Merge.of(self._spec), slice_spp=first.spp)
+        glimpse.add_partial(first)
         self.show(job, glimpse, judge)
         self._blobs.delete(blob)
-        return partial.spp
+        return first.spp
 
     def show(
         self,

@@ -2,6 +2,7 @@
 
 import re
 from datetime import datetime, timezone
+from typing import Any
 
 import pytest
 
@@ -10,22 +11,17 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.curve_svg import curve_svg
 
 
+def point(spp: int, visible: int = 100, **more: Any) -> CurvePoint:
+    known = {"visible_fraction": 0.5, "slope": None, "estimate_fraction": None}
+    asked = {**known, "estimate_pixels": None, "at": datetime.now(timezone.utc), **more}
+    return CurvePoint(spp=spp, visible_pixels=visible, **asked)
+
+
 @pytest.mark.parametrize(
     ("visible", "estimate"), [(0, None), (1, 0.0), (40_000, 0.02), (3_000_000, 5e6)]
 )
 def test_any_curve_can_be_drawn(visible: int, estimate: float | None) -> None:
-    points = [
-        CurvePoint(
-            spp=spp,
-            visible_pixels=visible,
-            visible_fraction=0.5,
-            slope=None,
-            estimate_pixels=estimate,
-            estimate_fraction=None,
-            at=datetime.now(timezone.utc),
-        )
-        for spp in (25, 50)
-    ]
+    points = [point(spp, visible, estimate_pixels=estimate) for spp in (25, 50)]
     drawing = curve_svg(JobSpec(), 768, points)
     numbers = [float(one) for one in re.findall(r'(?:[xy][12]?|c[xy])="([-\d.]+)"', drawing)]
     assert len(numbers) > 20
@@ -34,19 +30,8 @@ def test_any_curve_can_be_drawn(visible: int, estimate: float | None) -> None:
 
 
 def test_a_job_is_not_said_to_stop_where_the_one_before_it_did() -> None:
-    points = [
-        CurvePoint(
-            spp=spp,
-            visible_pixels=100,
-            visible_fraction=0.1,
-            slope=None,
-            estimate_pixels=None,
-            estimate_fraction=None,
-            rules={"jod": WatchedValue(value=9.0, stop=True)},
-            at=datetime.now(timezone.utc),
-        )
-        for spp in (100, 200)
-    ]
+    stopped = {"jod": WatchedValue(value=9.0, stop=True)}
+    points = [point(spp, rules=stopped) for spp in (100, 200)]
     first, second = (
         re.findall('<line class="own stop" x1="([0-9.]+)"', drawing)
         for drawing in (
@@ -59,16 +44,7 @@ def test_a_job_is_not_said_to_stop_where_the_one_before_it_did() -> None:
 
 def test_the_values_of_a_rule_with_its_own_have_a_plot() -> None:
     points = [
-        CurvePoint(
-            spp=spp,
-            visible_pixels=100,
-            visible_fraction=0.1,
-            slope=None,
-            estimate_pixels=None,
-            estimate_fraction=None,
-            rules={"jod": WatchedValue(value=value, stop=False)},
-            at=datetime.now(timezone.utc),
-        )
+        point(spp, rules={"jod": WatchedValue(value=value, stop=False)})
         for spp, value in ((100, None), (200, 8.4), (300, 9.1))
     ]
     spec = JobSpec.model_validate({"rule": {"name": "jod", "target": 9.5}})

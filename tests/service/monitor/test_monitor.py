@@ -15,7 +15,7 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.service.monitor import monitor
+from plateau.service.monitor import monitor, room
 from plateau.service.monitor.job_run import JobRun
 from plateau.service.monitor.result_sets import ResultSets
 from tests.support.farms.finished_jobs import finish_by_many_monitors
@@ -131,11 +131,11 @@ def test_a_film_for_which_memory_has_no_room_ends_its_job_and_no_monitor(
     needed = 300 * 32 * 24
     monkeypatch.setattr(monitor, "_MOST_LACKS", 2)
     with farm.monitor():
-        monkeypatch.setattr(monitor, "memory_left", lambda: needed - 1)
+        monkeypatch.setattr(room, "memory_left", lambda: needed - 1)
         done = farm.finish(farm.submit(**QUICK))
         assert done.state is JobState.FAILED
         assert "32×24 pixels take 0.0 GB, and this monitor, which may have" in done.reason
-        monkeypatch.setattr(monitor, "memory_left", lambda: needed)
+        monkeypatch.setattr(room, "memory_left", lambda: needed)
         assert farm.finish(farm.submit(**QUICK)).state is JobState.CONVERGED
 
 
@@ -162,13 +162,13 @@ def test_a_film_waits_for_the_memory_that_others_have(
     film = {"width": 10, "height": 10, "committed_spp": 1}
     job = farm.submit(**spec).model_copy(update=film)
     left = 100 * bytes_of_one
-    monkeypatch.setattr(monitor, "memory_left", lambda: left)
+    monkeypatch.setattr(room, "memory_left", lambda: left)
     for is_alone in (False, True):
-        monitor._check_memory(job, has_sums=has_sums, is_alone=is_alone)
+        room.check_room(job, has_sums=has_sums, is_alone=is_alone)
     left -= 1
-    for is_alone, lack in ((False, monitor.NoRoom), (True, MemoryError)):
+    for is_alone, lack in ((False, room.NoRoom), (True, MemoryError)):
         with pytest.raises(MemoryError) as found:
-            monitor._check_memory(job, has_sums=has_sums, is_alone=is_alone)
+            room.check_room(job, has_sums=has_sums, is_alone=is_alone)
         assert found.type is lack
 
 

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event
 from plateau.farm.wire import examples
 from plateau.farm.wire.csv_text import curve_csv
 from plateau.farm.wire.views import Curve, Happened
@@ -42,6 +42,7 @@ _RECONNECT_MS: Final = 1000
 #: Identifies the curve's schema in its ETag: another version may show more of the same points.
 _SHAPE: Final = hashlib.sha256(json.dumps(Curve.model_json_schema()).encode()).hexdigest()[:8]
 _STRING: Final[dict[str, Any]] = {"schema": {"type": "string"}}
+_CURVE: Final = curve_csv([CurvePoint.model_validate(examples.POINT)])
 _CURVE_HEADERS: Final = {"ETag": _STRING, "Cache-Control": _STRING}
 
 
@@ -69,7 +70,7 @@ def get_curve(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     responses={
         200: {
             "description": "the points as CSV",
-            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
+            "content": {_CSV: {"schema": {"type": "string"}, "example": _CURVE}},
             "headers": _CURVE_HEADERS,
         },
         **NOT_MODIFIED,

@@ -58,7 +58,7 @@ export class BatchGroup {
   }
 
   remove() {
-    this.#rows.show([], () => "");
+    this.#rows.clear();
   }
 
   /** @param {string} id */

@@ -73,7 +73,7 @@ export function open(main, { signal }) {
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
-  signal.addEventListener("abort", () => rows.show([], () => ""));  // frees their pictures
+  signal.addEventListener("abort", () => rows.clear());  // frees their pictures
 
   /**
    * @param {string} name

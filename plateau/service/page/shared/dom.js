@@ -107,6 +107,11 @@ export class KeyedList {
     this.#make = make;
   }
 
+  /** Removes all that is shown. */
+  clear() {
+    this.show([], String);
+  }
+
   /**
    * @param {Item[]} items
    * @param {(item: Item) => string} keyOf
